@@ -1,0 +1,11 @@
+# What the project stands on: Debian 12 packages, installed by tools/setup.sh.
+find_package(PkgConfig REQUIRED)
+find_package(Threads REQUIRED)
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(Boost 1.74 REQUIRED)
+find_package(fmt 9 REQUIRED)
+find_package(nlohmann_json 3.11 REQUIRED)
+find_package(CLI11 2 REQUIRED)
+pkg_check_modules(tomlplusplus REQUIRED IMPORTED_TARGET tomlplusplus)
+pkg_check_modules(lcm REQUIRED IMPORTED_TARGET lcm)
+find_program(LCM_GEN lcm-gen REQUIRED)

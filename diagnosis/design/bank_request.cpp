@@ -1,0 +1,94 @@
+#include "diagnosis/design/bank_request.h"
+
+#include <limits>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "diagnosis/model/toml_reader.h"
+
+namespace faultline {
+namespace {
+
+// What this version of the design can do; every other word of the file's language is refused here,
+// with what is accepted instead.
+void refuse_unsupported(TomlTable& root) {
+  if (const std::string method = root.string("method"); method != "geometric") {
+    throw root.error("method", fmt::format("found \"{}\", expected \"geometric\"", method));
+  }
+  if (root.has("structure") &&
+      (!root.is_string("structure") || root.string("structure") != "all")) {
+    throw root.error("structure", "found another structure, expected \"all\"");
+  }
+}
+
+double read_positive(TomlTable& table, std::string_view key) {
+  const double value = table.number(key);
+  if (value <= 0.0) {
+    throw table.error(key, fmt::format("found {}, expected a positive number", value));
+  }
+  return value;
+}
+
+std::uint32_t read_count(TomlTable& table, std::string_view key, std::uint32_t otherwise) {
+  const std::int64_t value = table.optional_integer(key).value_or(otherwise);
+  if (value < 1 || value > std::numeric_limits<std::uint32_t>::max()) {
+    throw table.error(key, fmt::format("found {}, expected a whole number from 1", value));
+  }
+  return static_cast<std::uint32_t>(value);
+}
+
+void read_decision(TomlTable decision, BankRequest& request) {
+  if (decision.is_string("threshold")) {
+    throw decision.error("threshold", fmt::format("found \"{}\", expected a positive number",
+                                                  decision.string("threshold")));
+  }
+  request.threshold = read_positive(decision, "threshold");
+  request.decision.dwell = read_count(decision, "dwell", DecisionRule().dwell);
+  request.decision.settle = read_count(decision, "settle", DecisionRule().settle);
+}
+
+BankRequest read_request(TomlTable root) {
+  if (const std::int64_t schema = root.integer("schema"); schema != 1) {
+    throw root.error("schema", fmt::format("found {}, expected 1", schema));
+  }
+  BankRequest request;
+  request.source = root.source();
+  request.text = root.text();
+  request.name = root.string("name");
+  request.plant = std::filesystem::path(request.source).parent_path() / root.string("plant");
+  refuse_unsupported(root);
+  request.method = root.string("method");
+  request.concurrent = read_count(root, "concurrent", 1);
+  request.poles = root.complex_numbers("poles");
+  if (root.has("domain") && root.choice("domain", {"continuous", "sampled"}) == "sampled") {
+    request.domain = DesignDomain::kSampled;
+  }
+  request.sample_time_s = read_positive(root, "sample_time_s");
+  request.decouple = root.optional_strings("decouple").value_or(std::vector<std::string>());
+  request.normalise = root.optional_boolean("normalise").value_or(true);
+  read_decision(root.table("decision"), request);
+  root.finish();
+  return request;
+}
+
+}  // namespace
+
+BankRequest read_bank_request(const std::filesystem::path& file) {
+  return read_request(TomlTable::read_file(file));
+}
+
+BankRequest parse_bank_request(std::string_view text, const std::string& source) {
+  return read_request(TomlTable::parse(text, source));
+}
+
+InputError request_error(const BankRequest& request, std::string_view key,
+                         const std::string& text) {
+  const std::string source = request.source.empty() ? "bank request" : request.source;
+  if (request.text.empty()) {
+    return {source, {}, fmt::format("{}: {}", key, text)};
+  }
+  return TomlTable::parse(request.text, source).error(key, text);
+}
+
+}  // namespace faultline

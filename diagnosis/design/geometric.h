@@ -1,0 +1,81 @@
+#pragma once
+
+#include <complex>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "diagnosis/design/subspace.h"
+
+namespace faultline {
+
+/// Directions in which signals enter the plant, one per column: `state` n×k, `output` q×k.
+struct Directions {
+  Eigen::MatrixXd state;
+  Eigen::MatrixXd output;
+};
+
+/// W* and S* of (C, A) for L, as orthonormal bases.
+struct UnobservabilitySubspaces {
+  Eigen::MatrixXd W;  ///< smallest (C, A)-invariant subspace that contains Im L
+  Eigen::MatrixXd S;  ///< smallest (C, A)-unobservability subspace that contains Im L
+};
+
+/// W*: Z_0 = Im L,  Z_i = Im L + A (Z_{i-1} ∩ Ker C)
+/// S*: Z_0 = R^n,   Z_i = W* + (A⁻¹ Z_{i-1}) ∩ Ker C      (A⁻¹: pre-image)
+///
+/// each until its dimension stands. A n×n, C q×n, L n×l.
+/// Hou, Cheng, Hu, Jin, Acta Automatica Sinica 41 (2015) 1113-1122, (16)-(17); after Basile, Marro
+/// 1969 and Massoumnia 1986.
+[[nodiscard]] UnobservabilitySubspaces unobservability_subspaces(const Eigen::MatrixXd& A,
+                                                                 const Eigen::MatrixXd& C,
+                                                                 const Eigen::MatrixXd& L,
+                                                                 SubspaceArithmetic& arithmetic);
+
+/// The part of the plant that a residual can still see when it ignores given directions, before its
+/// poles are chosen:
+///
+///   Ker P = S*, orthonormal rows;  M P = H C;  A_0 P = P A + E_0 C
+///
+/// | symbol | shape |
+/// |---|---|
+/// | P | d×n, d = n - dim S* |
+/// | H | rows×q, orthonormal rows: basis of (C S*)^⊥ within the outputs that plant and faults reach
+/// | | M | rows×d | | A_0, E_0 | d×d, d×q |
+///
+/// No residual exists if H has no row.
+struct GeometricQuotient {
+  Eigen::Index dim_w = 0;
+  Eigen::Index dim_s = 0;
+  Eigen::MatrixXd projector_w, projector_s;  ///< n×n
+  Eigen::MatrixXd P, H, M, A_0, E_0;
+  RankMargin margin;
+};
+
+/// The quotient for x' = A x + Σ L_j m_j, y = C x + Σ D_j m_j with the directions (L_j, D_j) of
+/// `ignored` decoupled for every waveform m_j.
+///
+/// A direction that reaches the output is decoupled exactly through the state it gets in
+/// x_e = (x, m_j), m_j' arbitrary: S* of the extended plant contains that state, hence P_e = [P 0],
+/// P L_j + E D_j = 0 and H D_j = 0. For a mere output direction this is the output projection
+/// N D = 0, C̃ = N C (geometric.md 1.4); E and H come out for the raw y.
+/// `visible`: directions of all faults; their outputs may give rows of H that C alone does not.
+[[nodiscard]] GeometricQuotient geometric_quotient(const Eigen::MatrixXd& A,
+                                                   const Eigen::MatrixXd& C,
+                                                   const Directions& ignored,
+                                                   const Directions& visible);
+
+/// F, E of a residual generator on the quotient; with G = P B:
+///
+///   w' = F w - E y + G u,  r = M w - H y,  F = A_0 + D_1 M,  E = E_0 + D_1 H
+///   e = w - P x:  e' = F e - Σ (P L_j + E D_j) m_j,  r = M e - Σ H D_j m_j
+struct GeometricFilter {
+  bool is_possible = false;
+  std::string reason;  ///< why the poles cannot be had; empty if they can
+  Eigen::MatrixXd F, E;
+};
+[[nodiscard]] GeometricFilter complete_filter(const GeometricQuotient& quotient,
+                                              const std::vector<std::complex<double>>& poles);
+
+}  // namespace faultline

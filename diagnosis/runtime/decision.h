@@ -1,0 +1,72 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "diagnosis/bank/bank.h"
+
+namespace faultline {
+
+enum class Verdict : std::uint8_t {
+  kHealthy,      ///< nothing fired
+  kIsolated,     ///< one smallest fault set explains the fired residuals
+  kAmbiguous,    ///< several smallest sets do
+  kUnexplained,  ///< no set of up to p faults does: a partial signature, or more than p faults
+  kInhibited,    ///< samples bad or residuals contaminated: no statement
+};
+[[nodiscard]] std::string_view verdict_name(Verdict verdict) noexcept;  ///< "healthy", ...
+
+/// What one signature says. Sets are indices into DecisionTable::sets().
+struct Decision {
+  static constexpr std::size_t kMaxListed = 8;
+  Verdict verdict = Verdict::kInhibited;
+  std::uint32_t set_count = 0;  ///< smallest explaining sets; the first kMaxListed are listed
+  std::array<std::uint32_t, kMaxListed> sets{};
+  friend bool operator==(const Decision&, const Decision&) = default;
+};
+
+/// All fault sets of up to p faults and what each predicts of every residual. Immutable.
+///
+/// A set explains the fired residuals iff every fired one sees a member of it, and every silent one
+/// sees none of them, or two or more (they may cancel), or one only in transients.
+class DecisionTable {
+ public:
+  explicit DecisionTable(const Bank& bank);
+
+  /// Fault sets (indices into Bank::fault_names), by size, then lexicographic; the first is empty.
+  [[nodiscard]] const std::vector<std::vector<std::size_t>>& sets() const noexcept { return sets_; }
+
+  /// The verdict of a signature (Evaluator::signature()). Has no memory. Real-time.
+  [[nodiscard]] Decision decide(std::span<const std::uint64_t> signature) const noexcept;
+
+ private:
+  [[nodiscard]] bool explains(std::size_t set,
+                              std::span<const std::uint64_t> signature) const noexcept;
+
+  std::size_t word_count_;
+  std::vector<std::vector<std::size_t>> sets_;
+  std::vector<std::uint64_t> sees_;       // sets × words: residuals that see a member
+  std::vector<std::uint64_t> must_fire_;  // sets × words: see exactly one member, at DC
+};
+
+/// Announces a decision once its signature has stood for `settle` samples; keeps the last announced
+/// one until then. Inhibition is announced at once, and before the first decision. Real-time.
+class Settling {
+ public:
+  Settling(std::uint32_t settle, std::size_t signature_words);
+  /// @return the announced decision after this sample.
+  const Decision& step(const Decision& decision, std::span<const std::uint64_t> signature) noexcept;
+  void reset() noexcept;
+  [[nodiscard]] const Decision& announced() const noexcept { return announced_; }
+
+ private:
+  std::uint32_t settle_;
+  std::uint32_t stood_for_ = 0;
+  std::vector<std::uint64_t> last_signature_;
+  Decision announced_;
+};
+
+}  // namespace faultline

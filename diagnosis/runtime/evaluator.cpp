@@ -1,0 +1,102 @@
+#include "diagnosis/runtime/evaluator.h"
+
+#include <algorithm>
+#include <cassert>
+
+namespace faultline {
+namespace {
+
+constexpr std::size_t kBitsPerWord = 64;
+
+// Per column: does it hold anything but zeros, in either matrix?
+std::vector<std::uint8_t> used_columns(const Eigen::MatrixXd& state,
+                                       const Eigen::MatrixXd& residual) {
+  std::vector<std::uint8_t> used(static_cast<std::size_t>(residual.cols()));
+  for (Eigen::Index j = 0; j < residual.cols(); ++j) {
+    const bool is_used =
+        (state.col(j).array() != 0.0).any() || (residual.col(j).array() != 0.0).any();
+    used[static_cast<std::size_t>(j)] = is_used ? 1 : 0;
+  }
+  return used;
+}
+
+bool is_any_stale(const std::vector<std::uint8_t>& uses,
+                  std::span<const std::uint8_t> is_fresh) noexcept {
+  for (std::size_t j = 0; j < uses.size(); ++j) {
+    if (uses[j] != 0 && is_fresh[j] == 0) {
+      return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+Evaluator::Evaluator(const Bank& bank)
+    : dwell_(std::max<std::uint32_t>(bank.decision.dwell, 1)),
+      contaminated_for_(bank.filters.size()),
+      run_length_(bank.filters.size()),
+      fired_(bank.filters.size()),
+      signature_((bank.filters.size() + kBitsPerWord - 1) / kBitsPerWord) {
+  for (const ResidualFilter& filter : bank.filters) {
+    threshold_.push_back(filter.threshold);
+    forget_samples_.push_back(filter.forget_samples);
+    uses_y_.push_back(used_columns(filter.E, filter.H));
+    uses_u_.push_back(used_columns(filter.G, filter.K));
+  }
+}
+
+void Evaluator::contaminate_all() noexcept {
+  for (std::size_t i = 0; i < fired_.size(); ++i) {
+    contaminate_residual(i);
+  }
+}
+
+void Evaluator::contaminate(std::span<const std::uint8_t> y_is_fresh,
+                            std::span<const std::uint8_t> u_is_fresh) noexcept {
+  for (std::size_t i = 0; i < fired_.size(); ++i) {
+    assert(y_is_fresh.size() == uses_y_[i].size() && u_is_fresh.size() == uses_u_[i].size());
+    if (is_any_stale(uses_y_[i], y_is_fresh) || is_any_stale(uses_u_[i], u_is_fresh)) {
+      contaminate_residual(i);
+    }
+  }
+}
+
+void Evaluator::contaminate_residual(std::size_t i) noexcept {
+  if (contaminated_for_[i] == 0 && forget_samples_[i] > 0) {
+    ++contaminated_count_;
+  }
+  contaminated_for_[i] = forget_samples_[i];
+}
+
+void Evaluator::step(std::span<const double> evaluation) noexcept {
+  assert(evaluation.size() == fired_.size());
+  contaminated_count_ = 0;
+  for (std::size_t i = 0; i < fired_.size(); ++i) {
+    if (contaminated_for_[i] > 0) {
+      --contaminated_for_[i];
+      ++contaminated_count_;
+      run_length_[i] = 0;
+      continue;
+    }
+    // Written so that a NaN counts as above: a broken filter must not look healthy.
+    const bool is_above = !(evaluation[i] <= threshold_[i]);
+    const bool is_fired = fired_[i] != 0;
+    run_length_[i] = is_above == is_fired ? 0 : run_length_[i] + 1;
+    if (run_length_[i] >= dwell_) {
+      run_length_[i] = 0;
+      fired_[i] = is_above ? 1 : 0;
+      signature_[i / kBitsPerWord] ^= std::uint64_t{1} << (i % kBitsPerWord);
+    }
+  }
+}
+
+void Evaluator::reset() noexcept {
+  std::fill(contaminated_for_.begin(), contaminated_for_.end(), 0);
+  std::fill(run_length_.begin(), run_length_.end(), 0);
+  std::fill(fired_.begin(), fired_.end(), std::uint8_t{0});
+  std::fill(signature_.begin(), signature_.end(), 0);
+  contaminated_count_ = 0;
+}
+
+}  // namespace faultline

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "diagnosis/bank/bank.h"
+
+namespace faultline {
+
+/// Turns evaluation signals into fired residuals, with dwell and contamination.
+///
+/// A residual fires when its evaluation is > τ (strictly) for `dwell` samples in a row, and clears
+/// when it is not for `dwell` samples in a row. A bad sample contaminates a residual that uses an
+/// affected channel for its `forget_samples`, that sample included; a contaminated residual neither
+/// fires nor clears. Per sample: contaminate() if it is bad, then step(), then the questions.
+/// An evaluation that is NaN counts as above its threshold.
+/// Real-time: allocates only on construction.
+class Evaluator {
+ public:
+  explicit Evaluator(const Bank& bank);
+
+  /// Start-up, or everything forgotten: contaminates all residuals.
+  void contaminate_all() noexcept;
+  /// Contaminates the residuals that use an output with y_is_fresh == 0 or an input with
+  /// u_is_fresh == 0.
+  void contaminate(std::span<const std::uint8_t> y_is_fresh,
+                   std::span<const std::uint8_t> u_is_fresh) noexcept;
+  /// Takes the evaluation signals of one sample.
+  void step(std::span<const double> evaluation) noexcept;
+  /// Nothing fired, nothing contaminated.
+  void reset() noexcept;
+
+  [[nodiscard]] std::span<const std::uint8_t> fired() const noexcept { return fired_; }
+  /// Fired residuals as bits, 64 per word.
+  [[nodiscard]] std::span<const std::uint64_t> signature() const noexcept { return signature_; }
+  /// True if a residual of the last sample was contaminated: its signature says nothing.
+  [[nodiscard]] bool is_any_contaminated() const noexcept { return contaminated_count_ > 0; }
+
+ private:
+  void contaminate_residual(std::size_t i) noexcept;
+
+  std::uint32_t dwell_;
+  std::vector<double> threshold_;
+  std::vector<std::uint32_t> forget_samples_;
+  std::vector<std::vector<std::uint8_t>> uses_y_, uses_u_;  // per filter, per channel
+  std::vector<std::uint32_t> contaminated_for_;
+  std::vector<std::uint32_t> run_length_;
+  std::vector<std::uint8_t> fired_;
+  std::vector<std::uint64_t> signature_;
+  std::size_t contaminated_count_ = 0;
+};
+
+}  // namespace faultline

@@ -1,0 +1,75 @@
+#include "sim/controller_node.h"
+
+#include <stdexcept>
+
+#include <Eigen/QR>
+#include <fmt/format.h>
+
+#include "diagnosis/model/discretize.h"
+#include "diagnosis/model/riccati.h"
+
+namespace faultline {
+
+ControlLaw state_feedback(const PlantModel& model, const Eigen::MatrixXd& K,
+                          const Eigen::VectorXd& feedforward) {
+  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> decomposition(model.C);
+  if (decomposition.rank() < model.n()) {
+    throw std::invalid_argument(fmt::format(
+        "state feedback acts on C^+ y: found C of rank {}, expected {} (every state measured)",
+        decomposition.rank(), model.n()));
+  }
+  if (!model.D.isZero(0.0)) {
+    throw std::invalid_argument(
+        "state feedback acts on C^+ y: found a plant with D, expected one without");
+  }
+  const Eigen::MatrixXd left_inverse =
+      decomposition.solve(Eigen::MatrixXd::Identity(model.q(), model.q()));
+  return {K * left_inverse, model.u_operating + feedforward, model.y_operating};
+}
+
+ControlLaw open_loop(const PlantModel& model, const Eigen::VectorXd& feedforward) {
+  return {Eigen::MatrixXd::Zero(model.m(), model.q()), model.u_operating + feedforward,
+          model.y_operating};
+}
+
+Eigen::MatrixXd lqr_gain(const PlantModel& model, double sample_time_s, const Eigen::MatrixXd& Q,
+                         const Eigen::MatrixXd& R) {
+  if (model.time == TimeDomain::kDiscrete) return lqr_gain(model.A, model.B, Q, R);
+  const SampledSystem sampled = discretize_zoh(model.A, model.B, sample_time_s);
+  return lqr_gain(sampled.A, sampled.B, Q, R);
+}
+
+ControllerNode::ControllerNode(const SignalMap& map, ControlLaw law)
+    : map_(&map),
+      law_(std::move(law)),
+      measurements_(map.sensor_messages, map.output_names.size()),
+      dy_(law_.gain.cols()),
+      u_(law_.gain.rows()) {}
+
+void ControllerNode::on_frame(const CanFrame& frame, FrameSink& sink) noexcept {
+  if (map_->sync && map_->sync->matches(frame)) {
+    std::int64_t k = 0;
+    if (map_->sync->cycle.decode_raw(frame.payload(), k) == CodecStatus::kOk) {
+      cycle_ = static_cast<std::uint32_t>(k);
+    }
+    return;
+  }
+  const auto completed = measurements_.push(frame, cycle_);
+  if (!completed) return;
+  cycle_ = *completed;
+  answer(*completed, sink);
+}
+
+void ControllerNode::answer(std::uint32_t k, FrameSink& sink) noexcept {
+  const std::span<const double> y = measurements_.values(k);
+  dy_ = Eigen::Map<const Eigen::VectorXd>(y.data(), dy_.size()) - law_.y_operating;
+  u_ = law_.feedforward;
+  u_.noalias() -= law_.gain * dy_;
+  CanFrame frame;
+  for (const MappedMessage& message : map_->command_messages) {
+    clamped_values_ += message.encode({u_.data(), static_cast<std::size_t>(u_.size())}, k, frame);
+    sink.send(frame);
+  }
+}
+
+}  // namespace faultline

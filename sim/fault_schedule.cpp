@@ -1,0 +1,140 @@
+#include "sim/fault_schedule.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "diagnosis/model/toml_reader.h"
+
+namespace faultline {
+namespace {
+
+std::optional<Eigen::Index> index_of(const std::vector<std::string>& names,
+                                     const std::string& name) {
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end()) return std::nullopt;
+  return found - names.begin();
+}
+
+std::vector<std::string> component_names(const PlantModel& plant) {
+  std::vector<std::string> names;
+  for (const Fault& fault : plant.faults) {
+    if (fault.kind == FaultKind::kComponent) names.push_back(fault.name);
+  }
+  return names;
+}
+
+std::string unknown_target(const PlantModel& plant, const std::string& target) {
+  std::vector<std::string> known = plant.input_names;
+  known.insert(known.end(), plant.output_names.begin(), plant.output_names.end());
+  for (const std::string& name : component_names(plant)) known.push_back(name);
+  std::string text = fmt::format(
+      "found \"{}\", expected an input, an output or a fault of "
+      "plant \"{}\" ({})",
+      target, plant.name, fmt::join(known, ", "));
+  if (const auto near = nearest_name(target, known)) {
+    text += fmt::format("; did you mean \"{}\"?", *near);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string_view injection_kind_name(InjectionKind kind) noexcept {
+  return kind == InjectionKind::kBias ? "bias" : "gain";
+}
+
+double activity(const Injection& injection, double t_s) noexcept {
+  // Cycle times are multiples of the sample time in floating point: half a nanosecond of slack lets
+  // the cycle that is meant to be the first one be it.
+  constexpr double kSlack_s = 0.5e-9;
+  const double since_s = t_s - injection.at_s + kSlack_s;
+  if (since_s < 0.0) return 0.0;
+  if (injection.until_s && t_s + kSlack_s >= *injection.until_s) return 0.0;
+  if (injection.period_s && std::fmod(since_s, *injection.period_s) >= 0.5 * *injection.period_s) {
+    return 0.0;
+  }
+  if (injection.ramp_s > 0.0) return std::min(1.0, since_s / injection.ramp_s);
+  return 1.0;
+}
+
+FaultSchedule::FaultSchedule(const PlantModel& plant, std::vector<Injection> injections)
+    : injections_(std::move(injections)),
+      input_count_(plant.m()),
+      output_count_(plant.q()),
+      component_count_(static_cast<Eigen::Index>(component_names(plant).size())) {
+  const std::vector<std::string> components = component_names(plant);
+  for (std::size_t i = 0; i < injections_.size(); ++i) {
+    const Injection& injection = injections_[i];
+    if (const auto input = index_of(plant.input_names, injection.target)) {
+      resolved_.push_back({Target::kInput, *input});
+    } else if (const auto output = index_of(plant.output_names, injection.target)) {
+      resolved_.push_back({Target::kOutput, *output});
+    } else if (const auto component = index_of(components, injection.target)) {
+      if (injection.kind != InjectionKind::kBias) {
+        throw ScheduleError(
+            i, "kind",
+            fmt::format("found \"{}\", expected \"bias\": \"{}\" is a fault of the plant "
+                        "file, not a channel",
+                        injection_kind_name(injection.kind), injection.target));
+      }
+      resolved_.push_back({Target::kComponent, *component});
+    } else {
+      throw ScheduleError(i, "target", unknown_target(plant, injection.target));
+    }
+  }
+}
+
+ActiveFaults FaultSchedule::none() const {
+  return {Eigen::VectorXd::Ones(input_count_), Eigen::VectorXd::Zero(input_count_),
+          Eigen::VectorXd::Ones(output_count_), Eigen::VectorXd::Zero(output_count_),
+          Eigen::VectorXd::Zero(component_count_)};
+}
+
+void FaultSchedule::evaluate(double t_s, ActiveFaults& out) const noexcept {
+  out.input_gain.setOnes();
+  out.input_bias.setZero();
+  out.output_gain.setOnes();
+  out.output_bias.setZero();
+  out.component.setZero();
+  for (std::size_t i = 0; i < injections_.size(); ++i) {
+    const Injection& injection = injections_[i];
+    const double a = activity(injection, t_s);
+    if (a == 0.0) continue;
+    const Eigen::Index channel = resolved_[i].index;
+    const bool is_gain = injection.kind == InjectionKind::kGain;
+    const double bias = a * injection.value;
+    const double gain = 1.0 + a * (injection.value - 1.0);
+    switch (resolved_[i].target) {
+      case Target::kInput:
+        if (is_gain) {
+          out.input_gain[channel] *= gain;
+        } else {
+          out.input_bias[channel] += bias;
+        }
+        break;
+      case Target::kOutput:
+        if (is_gain) {
+          out.output_gain[channel] *= gain;
+        } else {
+          out.output_bias[channel] += bias;
+        }
+        break;
+      case Target::kComponent:
+        out.component[channel] += bias;
+        break;
+    }
+  }
+}
+
+std::vector<std::string> FaultSchedule::active_names(double t_s) const {
+  std::set<std::string> names;
+  for (const Injection& injection : injections_) {
+    if (activity(injection, t_s) > 0.0) names.insert(injection.target);
+  }
+  return {names.begin(), names.end()};
+}
+
+}  // namespace faultline

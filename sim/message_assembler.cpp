@@ -1,0 +1,70 @@
+#include "sim/message_assembler.h"
+
+#include <algorithm>
+#include <cassert>
+
+namespace faultline {
+namespace {
+
+/// The 32-bit counter nearest to `near` whose low `bits` bits are `low`.
+std::uint32_t unwrap(std::uint32_t low, std::uint32_t bits, std::uint32_t near) noexcept {
+  if (bits >= 32) return low;
+  const std::uint32_t modulus = 1u << bits;
+  const std::uint32_t ahead = (low - near) & (modulus - 1);
+  return ahead < modulus / 2 ? near + ahead : near + ahead - modulus;
+}
+
+}  // namespace
+
+MessageAssembler::MessageAssembler(const std::vector<MappedMessage>& messages,
+                                   std::size_t channel_count)
+    : messages_(&messages) {
+  for (Slot& slot : slots_) {
+    slot.seen.assign(messages.size(), 0);
+    slot.values.assign(channel_count, 0.0);
+  }
+}
+
+void MessageAssembler::reset() noexcept {
+  for (Slot& slot : slots_) slot.is_used = false;
+}
+
+MessageAssembler::Slot& MessageAssembler::open(std::uint32_t counter) noexcept {
+  Slot& slot = slots_[counter % kSlots];
+  if (!slot.is_used || slot.counter != counter) {
+    slot.is_used = true;
+    slot.counter = counter;
+    slot.missing = messages_->size();
+    std::fill(slot.seen.begin(), slot.seen.end(), std::uint8_t{0});
+  }
+  return slot;
+}
+
+std::optional<std::uint32_t> MessageAssembler::push(const CanFrame& frame,
+                                                    std::uint32_t near) noexcept {
+  for (std::size_t i = 0; i < messages_->size(); ++i) {
+    const MappedMessage& message = (*messages_)[i];
+    if (!message.matches(frame)) continue;
+    std::uint32_t counter = near;
+    if (message.cycle) {
+      std::int64_t low = 0;
+      if (message.cycle->decode_raw(frame.payload(), low) != CodecStatus::kOk) return std::nullopt;
+      counter = unwrap(static_cast<std::uint32_t>(low), message.cycle->bit_count(), near);
+    }
+    Slot& slot = open(counter);
+    if (slot.seen[i] != 0) return std::nullopt;
+    if (message.decode(frame, slot.values) != CodecStatus::kOk) return std::nullopt;
+    slot.seen[i] = 1;
+    --slot.missing;
+    return slot.missing == 0 ? std::optional(counter) : std::nullopt;
+  }
+  return std::nullopt;
+}
+
+std::span<const double> MessageAssembler::values(std::uint32_t counter) const noexcept {
+  const Slot& slot = slots_[counter % kSlots];
+  assert(slot.is_used && slot.counter == counter && slot.missing == 0);
+  return slot.values;
+}
+
+}  // namespace faultline

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "drivers/can/can_frame.h"
+#include "drivers/signal/signal_map.h"
+
+namespace faultline {
+
+/// Puts the messages of one side (sensors or commands) together by their cycle counter: a plant
+/// node needs whole commands, a controller whole measurements.
+///
+/// Keeps the newest kSlots counters. Does not allocate after construction.
+class MessageAssembler {
+ public:
+  static constexpr std::size_t kSlots = 8;
+
+  /// `messages` must outlive the assembler. @param channel_count channels of the side.
+  MessageAssembler(const std::vector<MappedMessage>& messages, std::size_t channel_count);
+
+  /// Takes a frame; others' frames are ignored. `near` is the newest known cycle: the counter in
+  /// the frame is taken to be the one nearest to it.
+  /// @return the counter that this frame completed.
+  std::optional<std::uint32_t> push(const CanFrame& frame, std::uint32_t near) noexcept;
+
+  /// Channels of a completed counter; valid until kSlots later counters have begun.
+  [[nodiscard]] std::span<const double> values(std::uint32_t counter) const noexcept;
+
+  void reset() noexcept;
+
+ private:
+  struct Slot {
+    bool is_used = false;
+    std::uint32_t counter = 0;
+    std::size_t missing = 0;
+    std::vector<std::uint8_t> seen;  // per message
+    std::vector<double> values;      // per channel
+  };
+  Slot& open(std::uint32_t counter) noexcept;
+
+  const std::vector<MappedMessage>* messages_;
+  std::array<Slot, kSlots> slots_;
+};
+
+}  // namespace faultline

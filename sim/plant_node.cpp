@@ -1,0 +1,54 @@
+#include "sim/plant_node.h"
+
+#include <algorithm>
+
+namespace faultline {
+
+PlantNode::PlantNode(const PlantModel& model, const SignalMap& map, const FaultSchedule& schedule,
+                     double sample_time_s, const Eigen::VectorXd& x_initial)
+    : map_(&map),
+      schedule_(&schedule),
+      plant_(model, sample_time_s),
+      sample_time_s_(sample_time_s),
+      commands_(map.command_messages, map.input_names.size()),
+      u_(map.input_names.size(), 0.0),
+      y_(map.output_names.size(), 0.0),
+      x_(x_initial),
+      faults_(schedule.none()) {
+  plant_.reset(x_initial);
+}
+
+void PlantNode::on_cycle(std::uint32_t k, FrameSink& sink) noexcept {
+  cycle_ = k;
+  // Cycle 0 has no cycle before it whose answer could be missing.
+  const bool is_late = k > 0 && newest_command_ != k - 1;
+  truth_ = {k, newest_command_, is_late};
+  if (is_late) ++late_cycles_;
+  x_ = plant_.state();
+
+  schedule_->evaluate(static_cast<double>(k) * sample_time_s_, faults_);
+  plant_.measure(u_, faults_, y_);
+  CanFrame frame;
+  if (map_->sync) {
+    map_->sync->encode(k, newest_command_, frame);
+    sink.send(frame);
+  }
+  for (const MappedMessage& message : map_->sensor_messages) {
+    clamped_values_ += message.encode(y_, k, frame);
+    sink.send(frame);
+  }
+  plant_.step(u_, faults_);
+}
+
+void PlantNode::on_frame(const CanFrame& frame) noexcept {
+  const auto completed = commands_.push(frame, cycle_);
+  if (!completed) return;
+  if (newest_command_ == kNoCommand ||
+      static_cast<std::int32_t>(*completed - newest_command_) > 0) {
+    newest_command_ = *completed;
+    const std::span<const double> command = commands_.values(*completed);
+    std::copy(command.begin(), command.end(), u_.begin());
+  }
+}
+
+}  // namespace faultline

@@ -1,0 +1,460 @@
+#include "diagnosis/design/design_bank.h"
+
+#include <algorithm>
+#include <functional>
+
+#include <Eigen/LU>
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "diagnosis/bank/bank_file.h"
+#include "diagnosis/model/discretize.h"
+#include "diagnosis/model/plant_file.h"
+#include "tests/diagnosis/geometric_oracle.h"
+#include "tests/diagnosis/hou_plant.h"
+
+namespace faultline {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+std::vector<std::size_t> faults_seen(const ResidualFilter& filter, Sensitivity at_least) {
+  std::vector<std::size_t> seen;
+  for (std::size_t j = 0; j < filter.sees.size(); ++j) {
+    if (filter.sees[j] >= at_least) {
+      seen.push_back(j);
+    }
+  }
+  return seen;
+}
+
+const ResidualFilter* find_filter(const Bank& bank, const std::string& name) {
+  const auto found = std::find_if(bank.filters.begin(), bank.filters.end(),
+                                  [&](const auto& filter) { return filter.name == name; });
+  return found == bank.filters.end() ? nullptr : &*found;
+}
+
+std::string refusal(const PlantModel& plant, const BankRequest& request) {
+  try {
+    static_cast<void>(design_bank(plant, request));
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// What a filter as implemented does to a plant sampled exactly, with inputs and faults held.
+class SampledRun {
+ public:
+  SampledRun(const PlantModel& plant, const Bank& bank) : plant_(plant), bank_(bank) {
+    MatrixXd inputs(plant.n(), plant.m() + fault_count());
+    inputs.leftCols(plant.m()) = plant.B;
+    for (Index j = 0; j < fault_count(); ++j) {
+      inputs.col(plant.m() + j) = plant.faults[static_cast<std::size_t>(j)].state;
+    }
+    sampled_ = plant.time == TimeDomain::kDiscrete
+                   ? SampledSystem{plant.A, inputs}
+                   : discretize_zoh(plant.A, inputs, bank.sample_time_s);
+  }
+
+  /// Largest |r| of the filter over `steps`, after `skip` of them, with the fault from step 0 on.
+  /// The residual does not depend on u once decoupled; a varying one shows if it does.
+  double largest_residual(const ResidualFilter& filter, const VectorXd& fault, int skip,
+                          int steps) {
+    VectorXd x = VectorXd::Zero(plant_.n());
+    VectorXd v = VectorXd::Zero(filter.F.rows());
+    double largest = 0.0;
+    for (int k = 0; k < steps; ++k) {
+      VectorXd u(plant_.m());
+      for (Index i = 0; i < u.size(); ++i) {
+        u[i] = k % 7 == i ? 1.0 : -0.25;
+      }
+      VectorXd y = plant_.C * x + plant_.D * u;
+      for (Index j = 0; j < fault_count(); ++j) {
+        y += plant_.faults[static_cast<std::size_t>(j)].output * fault[j];
+      }
+      const VectorXd r = filter.M * v - filter.H * y + filter.K * u;
+      largest = k < skip ? 0.0 : std::max(largest, r.norm());
+      v = (filter.F * v - filter.E * y + filter.G * u).eval();
+      VectorXd input(u.size() + fault.size());
+      input << u, fault;
+      x = (sampled_.A * x + sampled_.B * input).eval();
+    }
+    return largest;
+  }
+
+ private:
+  [[nodiscard]] Index fault_count() const { return std::ssize(plant_.faults); }
+
+  const PlantModel& plant_;
+  const Bank& bank_;
+  SampledSystem sampled_;
+};
+
+TEST(DesignBank, AgreesWithTheOracleOnAllCases) {
+  for (const OracleCase& oracle : oracle_cases()) {
+    SCOPED_TRACE(oracle.name);
+    const DesignResult result = design_bank(oracle.plant(), oracle.request());
+    EXPECT_EQ(result.is_solvable, oracle.is_solvable);
+    EXPECT_EQ(result.are_signatures_distinct, oracle.are_signatures_distinct);
+    std::vector<std::pair<std::vector<std::size_t>, std::size_t>> failing;
+    for (const DesignResult::Failure& failure : result.failing) {
+      failing.emplace_back(failure.ignores, failure.fault);
+    }
+    EXPECT_EQ(failing, oracle.failing);
+    ASSERT_EQ(result.residuals.size(), oracle.residuals.size());
+    for (std::size_t i = 0; i < result.residuals.size(); ++i) {
+      const ResidualReport& report = result.residuals[i];
+      const OracleResidual& expected = oracle.residuals[i];
+      SCOPED_TRACE(report.name);
+      EXPECT_EQ(report.ignores, expected.ignores);
+      EXPECT_EQ(report.dim_w, expected.dim_w);
+      EXPECT_EQ(report.dim_s, expected.dim_s);
+      EXPECT_EQ(report.quotient_dim, expected.quotient_dim);
+      EXPECT_EQ(report.rows, expected.rows);
+      EXPECT_LT((report.projector_w - expected.projector_w).norm(), 1e-8);
+      EXPECT_LT((report.projector_s - expected.projector_s).norm(), 1e-8);
+      const ResidualFilter* filter = find_filter(result.bank, report.name);
+      ASSERT_NE(filter, nullptr);
+      EXPECT_EQ(faults_seen(*filter, Sensitivity::kTransient), expected.responds);
+      for (std::size_t j = 0; j < expected.margin.size(); ++j) {
+        EXPECT_NEAR(filter->certificate.margin[j], expected.margin[j], 1e-9);
+        const bool is_transient =
+            std::count(expected.transient_only.begin(), expected.transient_only.end(), j) > 0;
+        EXPECT_EQ(filter->sees[j] == Sensitivity::kTransient, is_transient);
+      }
+      EXPECT_LT(filter->certificate.residual_MP_HC, 1e-10);
+      EXPECT_LT(filter->certificate.residual_FP_PA_EC, 1e-10);
+      EXPECT_LT(filter->certificate.leakage_decoupled, 1e-10);
+      EXPECT_LT(filter->certificate.spectral_radius, 1.0);
+    }
+  }
+}
+
+TEST(DesignBank, DecouplesHousMeasurementDisturbancesAsTheProjectionSays) {
+  const std::vector<VectorXd> directions = {VectorXd::Unit(3, 0), VectorXd::Unit(3, 1),
+                                            VectorXd::Unit(3, 2)};
+  for (std::size_t e = 0; e < directions.size(); ++e) {
+    PlantModel plant = hou_plant();
+    plant.disturbances.push_back({"d", VectorXd::Zero(3), directions[e], {}});
+    for (const std::size_t p : {1u, 2u}) {
+      BankRequest request = hou_request();
+      request.concurrent = p;
+      request.decouple = {"d"};
+      request.poles = {-10.0, -11.0};
+      const DesignResult result = design_bank(plant, request);
+      for (const OracleProjection& expected : oracle_projections(fmt::format("e{}", e + 1))) {
+        if (expected.ignores.size() != p) {
+          continue;
+        }
+        const auto report =
+            std::find_if(result.residuals.begin(), result.residuals.end(),
+                         [&](const auto& entry) { return entry.ignores == expected.ignores; });
+        ASSERT_NE(report, result.residuals.end());
+        SCOPED_TRACE(report->name);
+        EXPECT_EQ(report->dim_s, expected.dim_s);
+        EXPECT_LT((report->projector_s - expected.projector_s).norm(), 1e-8);
+        EXPECT_EQ(report->exists, !expected.responds.empty());
+        if (const ResidualFilter* filter = find_filter(result.bank, report->name)) {
+          EXPECT_EQ(faults_seen(*filter, Sensitivity::kTransient), expected.responds);
+          EXPECT_LT((filter->H * directions[e]).norm(), 1e-12);
+          EXPECT_LT((filter->E * directions[e]).norm(), 1e-12);
+        }
+      }
+    }
+  }
+}
+
+TEST(DesignBank, NormalisesTheSmallestDcGainToOnePerFaultSize) {
+  PlantModel plant = hou_plant();
+  plant.faults[1].size = 5.0;
+  const Bank bank = design_bank(plant, hou_request()).bank;
+  for (const ResidualFilter& filter : bank.filters) {
+    double smallest = 1e9;
+    for (std::size_t j = 0; j < 4; ++j) {
+      if (filter.sees[j] == Sensitivity::kSteady) {
+        smallest = std::min(smallest, filter.certificate.dc_gain[j]);
+      }
+    }
+    EXPECT_NEAR(smallest, 1.0, 1e-12) << filter.name;
+  }
+}
+
+TEST(DesignBank, LeavesThePapersScaleWhenNotNormalised) {
+  const Bank bank = hou_bank(false);
+  const std::map<std::string, std::vector<double>> gains = {
+      {"r12", {0, 0, std::sqrt(0.5) / 10, std::sqrt(0.5) / 10}},
+      {"r13", {0, 0.1, 0, 0.1}},
+      {"r14", {0, 0.1, 0.1, 0}},
+      {"r23", {1 / std::sqrt(300.0), 0, 0, 2 / std::sqrt(300.0)}},
+      {"r24", {1 / std::sqrt(1100.0), 0, 2 / std::sqrt(1100.0), 0}},
+      {"r34", {1 / std::sqrt(1100.0), 2 / std::sqrt(1100.0), 0, 0}}};
+  ASSERT_EQ(bank.filters.size(), gains.size());
+  for (const ResidualFilter& filter : bank.filters) {
+    for (std::size_t j = 0; j < 4; ++j) {
+      EXPECT_NEAR(filter.certificate.dc_gain[j], gains.at(filter.name)[j], 1e-13) << filter.name;
+    }
+  }
+}
+
+TEST(DesignBank, MakesEachDcGainTheGainOfTheFilterAsImplemented) {
+  PlantModel plant = hou_plant();
+  plant.A -= 3.0 * MatrixXd::Identity(3, 3);  // stable, so that it can run open loop
+  for (Index j = 0; j < 4; ++j) {
+    plant.faults[static_cast<std::size_t>(j)].state = plant.B.col(j);
+  }
+  for (const DesignDomain domain : {DesignDomain::kContinuous, DesignDomain::kSampled}) {
+    BankRequest request = hou_request();
+    request.domain = domain;
+    request.poles = {domain == DesignDomain::kContinuous ? -10.0 : 0.9};
+    const Bank bank = design_bank(plant, request).bank;
+    ASSERT_EQ(bank.filters.size(), 6u);
+    for (const ResidualFilter& filter : bank.filters) {
+      // Both settled: x = A_d x + B_d m, v = F v - E C x, r = M v - H C x.
+      for (Index j = 0; j < 4; ++j) {
+        const SampledSystem sampled = discretize_zoh(plant.A, plant.B.col(j), 0.01);
+        const VectorXd x = (MatrixXd::Identity(3, 3) - sampled.A).lu().solve(sampled.B.col(0));
+        const MatrixXd I = MatrixXd::Identity(filter.F.rows(), filter.F.rows());
+        const VectorXd v = (I - filter.F).lu().solve(-filter.E * plant.C * x);
+        EXPECT_NEAR((filter.M * v - filter.H * plant.C * x).norm(),
+                    filter.certificate.dc_gain[static_cast<std::size_t>(j)], 1e-8)
+            << filter.name;
+      }
+    }
+  }
+}
+
+TEST(DesignBank, InTheSampledDomainDecouplesHeldFaultsExactly) {
+  for (const OracleCase& oracle : oracle_cases()) {
+    if (!oracle.is_solvable) {
+      continue;
+    }
+    SCOPED_TRACE(oracle.name);
+    PlantModel plant = oracle.plant();
+    plant.A -= 4.0 * MatrixXd::Identity(plant.n(), plant.n());
+    BankRequest request = oracle.request();
+    request.domain = DesignDomain::kSampled;
+    for (std::complex<double>& pole : request.poles) {
+      pole = std::exp(pole * request.sample_time_s);
+    }
+    const DesignResult result = design_bank(plant, request);
+    ASSERT_TRUE(result.is_solvable);
+    SampledRun run(plant, result.bank);
+    const auto none = VectorXd::Zero(std::ssize(plant.faults));
+    for (const ResidualFilter& filter : result.bank.filters) {
+      EXPECT_LT(run.largest_residual(filter, none, 0, 300), 1e-9);
+      for (std::size_t j = 0; j < plant.faults.size(); ++j) {
+        const VectorXd fault = VectorXd::Unit(none.size(), static_cast<Index>(j));
+        const double largest = run.largest_residual(filter, fault, 0, 300);
+        if (filter.sees[j] == Sensitivity::kNone) {
+          EXPECT_LT(largest, 1e-9) << filter.name << " and fault " << j;
+        } else {
+          EXPECT_GT(largest, 1e-3) << filter.name << " and fault " << j;
+        }
+      }
+    }
+  }
+}
+
+TEST(DesignBank, TakesADiscretePlantAsItIs) {
+  PlantModel plant = hou_plant();
+  const SampledSystem sampled = discretize_zoh(plant.A, plant.B, 0.01);
+  plant.time = TimeDomain::kDiscrete;
+  plant.sample_time_s = 0.01;
+  plant.A = sampled.A;
+  plant.B = sampled.B;
+  for (Index j = 0; j < 4; ++j) {
+    plant.faults[static_cast<std::size_t>(j)].state = plant.B.col(j);
+  }
+  BankRequest request = hou_request();
+  request.domain = DesignDomain::kSampled;
+  request.poles = {0.0};  // dead beat
+  const DesignResult result = design_bank(plant, request);
+  EXPECT_TRUE(result.is_solvable);
+  SampledRun run(plant, result.bank);
+  for (const ResidualFilter& filter : result.bank.filters) {
+    EXPECT_LT(filter.F.norm(), 1e-10);
+    EXPECT_LT(run.largest_residual(filter, VectorXd::Zero(4), 0, 100), 1e-9);
+  }
+}
+
+TEST(DesignBank, IsolatesSensorFaultsAndFeedthrough) {
+  PlantModel plant = parse_plant(R"(schema = 1
+name = "sensors"
+time = "discrete"
+sample_time_s = 0.1
+[states]
+names = ["a", "b"]
+[inputs]
+names = ["u"]
+[outputs]
+names = ["y1", "y2", "y3"]
+[dynamics]
+A = [[0.5, 0.2], [0, 0.7]]
+B = [[1], [0.5]]
+C = [[1, 0], [0, 1], [1, 1]]
+D = [[0], [0], [2]]
+[faults]
+actuators = "all"
+sensors = ["y1", "y3"]
+[[fault]]
+name = "leak"
+state = [0, 1]
+output = [0.5, 0, 0]
+size = 2
+)",
+                                 "plant.toml");
+  BankRequest request;
+  request.name = "singles";
+  request.domain = DesignDomain::kSampled;
+  request.poles = {0.3, 0.4};
+  request.sample_time_s = 0.1;
+  request.threshold = 0.1;
+  const DesignResult result = design_bank(plant, request);
+  EXPECT_TRUE(result.is_solvable);
+  ASSERT_EQ(result.bank.filters.size(), 4u);
+  SampledRun run(plant, result.bank);
+  for (const ResidualFilter& filter : result.bank.filters) {
+    EXPECT_LT(run.largest_residual(filter, VectorXd::Zero(4), 0, 200), 1e-12) << filter.name;
+    for (std::size_t j = 0; j < 4; ++j) {
+      const VectorXd fault = plant.faults[j].size * VectorXd::Unit(4, static_cast<Index>(j));
+      if (filter.sees[j] == Sensitivity::kNone) {
+        EXPECT_LT(run.largest_residual(filter, fault, 0, 200), 1e-12) << filter.name << j;
+      } else {
+        EXPECT_NEAR(run.largest_residual(filter, fault, 199, 200), filter.certificate.dc_gain[j],
+                    1e-9)
+            << filter.name << j;
+      }
+    }
+  }
+}
+
+TEST(DesignBank, ComparesRedundantSensorsWithoutAState) {
+  // Nothing is known of the plant but that two sensors measure the same: r = y1 - y2.
+  PlantModel plant = parse_plant(R"(schema = 1
+name = "twins"
+time = "continuous"
+[states]
+names = ["a"]
+[inputs]
+names = ["u"]
+[outputs]
+names = ["y1", "y2"]
+[dynamics]
+A = [[-1]]
+B = [[1]]
+C = [[1], [1]]
+[faults]
+actuators = "all"
+sensors = "all"
+)",
+                                 "plant.toml");
+  BankRequest request;
+  request.name = "twins";
+  request.poles = {-5.0};
+  request.sample_time_s = 0.01;
+  request.threshold = 0.1;
+  const Bank bank = design_bank(plant, request).bank;
+  const ResidualFilter* r1 = find_filter(bank, "r1");
+  ASSERT_NE(r1, nullptr);
+  EXPECT_EQ(r1->F.rows(), 0);
+  ASSERT_EQ(r1->H.rows(), 1);
+  EXPECT_NEAR(r1->H(0, 0), 1.0, 1e-12);
+  EXPECT_NEAR(r1->H(0, 1), -1.0, 1e-12);
+  EXPECT_EQ(r1->forget_samples, 1u);
+}
+
+TEST(DesignBank, LeavesChannelsThatAResidualDoesNotUseExactlyZero) {
+  for (const ResidualFilter& filter : hou_bank().filters) {
+    for (const std::size_t j : filter.ignores) {
+      EXPECT_EQ(filter.G.col(static_cast<Index>(j)).norm(), 0.0) << filter.name;
+    }
+  }
+}
+
+TEST(DesignBank, ForgetsABadSampleWhenOnePercentOfTheThresholdIsLeft) {
+  // |M| e^(-0.1 i) 100 < 0.01·0.05 with |M| = 10: i > 10 ln(1000 / 5e-4) = 145.09; and the sample
+  // itself.
+  EXPECT_EQ(find_filter(hou_bank(), "r13")->forget_samples, 147u);
+}
+
+TEST(DesignBank, ReproducesToTheBit) { EXPECT_EQ(bank_text(hou_bank()), bank_text(hou_bank())); }
+
+TEST(DesignBank, NamesResidualsWithUnderscoresFromTenFaultsOn) {
+  PlantModel plant = hou_plant();
+  plant.faults.clear();
+  for (int j = 0; j < 10; ++j) {
+    plant.faults.push_back({fmt::format("f{}", j), FaultKind::kComponent, VectorXd::Unit(3, j % 3),
+                            VectorXd::Zero(3)});
+  }
+  const DesignResult result = design_bank(plant, hou_request());
+  EXPECT_EQ(result.residuals.size(), 45u);
+  EXPECT_EQ(result.residuals.front().name, "r1_2");
+  EXPECT_EQ(result.residuals.back().name, "r9_10");
+  EXPECT_FALSE(result.is_solvable);
+}
+
+TEST(DesignBank, SaysWhyAResidualDoesNotExist) {
+  PlantModel plant = hou_plant();
+  plant.faults.push_back({"x", FaultKind::kComponent, VectorXd::Unit(3, 0), VectorXd::Zero(3)});
+  BankRequest request = hou_request();
+  request.concurrent = 3;
+  const DesignResult result = design_bank(plant, request);
+  EXPECT_FALSE(result.is_solvable);
+  EXPECT_FALSE(result.residuals.front().exists);
+  EXPECT_NE(result.residuals.front().reason, "");
+}
+
+TEST(DesignBank, RefusesAtTheirPlaceInTheRequest) {
+  struct Case {
+    std::string from, to, message;
+  };
+  const std::vector<Case> cases = {
+      {"poles         = [-10.0]", "poles = [1.0]",
+       "bank.toml:6:9: poles: found 1+0i, expected neg"},
+      {"poles         = [-10.0]", "poles = []", "bank.toml:6:9: poles: found no pole"},
+      {"poles         = [-10.0]", "poles = [[-3, 4]]", "bank.toml:6:9: poles: found -3+4i alone"},
+      {"poles         = [-10.0]", "poles = [[-3, 4], [-3, -4]]",
+       "bank.toml:6:9: poles: residual r12 has order 1, and the first 1 poles split"},
+      {"poles         = [-10.0]", "domain = \"sampled\"\npoles = [-10.0]",
+       "bank.toml:7:9: poles: found -10+0i, expected poles inside the unit circle"},
+      {"concurrent    = 2", "concurrent = 4", "bank.toml:5:14: concurrent: found 4"},
+      {"normalise     = true", "decouple = [\"d\"]", "bank.toml:8:12: decouple: found \"d\""},
+  };
+  for (const Case& entry : cases) {
+    std::string text = hou_request_text(true, 3);
+    text.replace(text.find(entry.from), entry.from.size(), entry.to);
+    EXPECT_THAT(refusal(hou_plant(), parse_bank_request(text, "bank.toml")),
+                StartsWith(entry.message));
+  }
+}
+
+TEST(DesignBank, RefusesPlantsItCannotUse) {
+  PlantModel plant = hou_plant();
+  plant.faults.clear();
+  EXPECT_THAT(refusal(plant, hou_request()), HasSubstr("without faults"));
+  plant = hou_plant();
+  plant.time = TimeDomain::kDiscrete;
+  plant.sample_time_s = 0.01;
+  EXPECT_THAT(refusal(plant, hou_request()), HasSubstr("expected \"sampled\""));
+}
+
+TEST(DesignBank, SaysHowManyPolesAResidualOfLargerOrderNeeds) {
+  const OracleCase generic = oracle_cases()[1];  // order 5, 3 rows
+  BankRequest request = generic.request();
+  request.poles = {-1.0};
+  EXPECT_THAT(refusal(generic.plant(), request),
+              AllOf(HasSubstr("residual r1 has order 5"), HasSubstr("at least 2 different poles")));
+  request.poles = {-1.0, -2.0};
+  EXPECT_THAT(refusal(generic.plant(), request), HasSubstr("found 2 poles, expected 5"));
+}
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,194 @@
+#include "diagnosis/runtime/decision.h"
+
+#include <array>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "tests/diagnosis/hou_plant.h"
+#include "tests/support/allocation_guard.h"
+
+namespace faultline {
+namespace {
+
+using Sets = std::vector<std::vector<std::size_t>>;
+
+/// One row of the structure matrix per residual: '.' does not see, 't' transient, 'x' steady.
+Bank bank_of(const std::vector<std::string>& structure, std::size_t concurrent) {
+  Bank bank;
+  bank.concurrent = concurrent;
+  bank.fault_names.resize(structure.front().size());
+  for (const std::string& row : structure) {
+    ResidualFilter filter;
+    for (const char cell : row) {
+      filter.sees.push_back(cell == '.'   ? Sensitivity::kNone
+                            : cell == 't' ? Sensitivity::kTransient
+                                          : Sensitivity::kSteady);
+    }
+    bank.filters.push_back(filter);
+  }
+  return bank;
+}
+
+/// Hou's residuals r12, r13, r14, r23, r24, r34.
+Bank hou_structure() { return bank_of({"..xx", ".x.x", ".xx.", "x..x", "x.x.", "xx.."}, 2); }
+
+/// The verdict when the residuals marked '1' have fired, and the sets it names.
+struct Answer {
+  Decision decision;
+  Sets sets;
+};
+Answer answer(const Bank& bank, const std::string& fired) {
+  const DecisionTable table(bank);
+  std::vector<std::uint64_t> signature((fired.size() + 63) / 64);
+  for (std::size_t i = 0; i < fired.size(); ++i) {
+    signature[i / 64] |= std::uint64_t{fired[i] == '1'} << (i % 64);
+  }
+  Answer result{table.decide(signature), {}};
+  for (std::uint32_t s = 0; s < std::min<std::size_t>(result.decision.set_count, 8); ++s) {
+    result.sets.push_back(table.sets()[result.decision.sets[s]]);
+  }
+  return result;
+}
+
+TEST(DecisionTable, ListsSetsBySizeThenLexicographically) {
+  const DecisionTable table(bank_of({"xxx"}, 2));
+  EXPECT_EQ(table.sets(), (Sets{{}, {0}, {1}, {2}, {0, 1}, {0, 2}, {1, 2}}));
+}
+
+TEST(DecisionTable, IsHealthyWhenNothingFired) {
+  const Answer found = answer(hou_structure(), "000000");
+  EXPECT_EQ(found.decision.verdict, Verdict::kHealthy);
+  EXPECT_EQ(found.sets, (Sets{{}}));
+}
+
+TEST(DecisionTable, IsolatesAllRowsOfHousTable) {
+  const Sets faults = {{0}, {1}, {2}, {3}, {0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
+  const std::vector<std::string> fired = {"000111", "011001", "101010", "110100", "011111",
+                                          "101111", "110111", "111011", "111101", "111110"};
+  for (std::size_t i = 0; i < faults.size(); ++i) {
+    const Answer found = answer(hou_structure(), fired[i]);
+    EXPECT_EQ(found.decision.verdict, Verdict::kIsolated) << fired[i];
+    EXPECT_EQ(found.sets, (Sets{faults[i]})) << fired[i];
+  }
+}
+
+TEST(DecisionTable, PrefersTheSmallestSet) {
+  // All of {0, 1, 2} contain what fault 0 explains alone.
+  const Answer found = answer(bank_of({"x..", "x..", ".x.", "..x"}, 3), "1100");
+  EXPECT_EQ(found.decision.verdict, Verdict::kIsolated);
+  EXPECT_EQ(found.sets, (Sets{{0}}));
+}
+
+TEST(DecisionTable, AllowsTwoMembersToCancel) {
+  // F2 and F3 cancel in r14; F1 and F4 in r23 would look the same.
+  const Answer found = answer(hou_structure(), "110011");
+  EXPECT_EQ(found.decision.verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(found.sets, (Sets{{0, 3}, {1, 2}}));
+}
+
+TEST(DecisionTable, IsAmbiguousWhenSeveralSmallestSetsExplain) {
+  // (F1, F2) = (4, 2) and (F3, F4) = (2, 2): geometric.md 1.3.
+  const Answer found = answer(hou_structure(), "011110");
+  EXPECT_EQ(found.decision.verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(found.decision.set_count, 2u);
+  EXPECT_EQ(found.sets, (Sets{{0, 1}, {2, 3}}));
+}
+
+TEST(DecisionTable, LeavesPartialSignaturesUnexplained) {
+  EXPECT_EQ(answer(hou_structure(), "000100").decision.verdict, Verdict::kUnexplained);
+  EXPECT_EQ(answer(hou_structure(), "011000").decision.verdict, Verdict::kUnexplained);
+}
+
+TEST(DecisionTable, LeavesMoreThanPFaultsUnexplained) {
+  EXPECT_EQ(answer(hou_structure(), "111111").decision.verdict, Verdict::kUnexplained);
+  EXPECT_EQ(answer(hou_structure(), "111111").decision.set_count, 0u);
+}
+
+TEST(DecisionTable, AcceptsTheSilenceOfAResidualThatSeesAFaultOnlyInTransients) {
+  const Bank bank = bank_of({"tx", "x."}, 1);
+  EXPECT_EQ(answer(bank, "01").sets, (Sets{{0}}));
+  EXPECT_EQ(answer(bank, "11").sets, (Sets{{0}}));
+  EXPECT_EQ(answer(bank, "10").sets, (Sets{{1}}));
+}
+
+TEST(DecisionTable, CountsAllSetsButListsEight) {
+  const Answer found = answer(bank_of({std::string(10, 'x')}, 1), "1");
+  EXPECT_EQ(found.decision.verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(found.decision.set_count, 10u);
+  EXPECT_EQ(found.sets.size(), Decision::kMaxListed);
+}
+
+TEST(DecisionTable, ReadsSignaturesOfSeveralWords) {
+  std::vector<std::string> structure(70, "x.");
+  structure[69] = ".x";
+  EXPECT_EQ(answer(bank_of(structure, 1), std::string(69, '0') + "1").sets, (Sets{{1}}));
+}
+
+TEST(Verdict, HasANameForEachValue) {
+  EXPECT_EQ(verdict_name(Verdict::kHealthy), "healthy");
+  EXPECT_EQ(verdict_name(Verdict::kIsolated), "isolated");
+  EXPECT_EQ(verdict_name(Verdict::kAmbiguous), "ambiguous");
+  EXPECT_EQ(verdict_name(Verdict::kUnexplained), "unexplained");
+  EXPECT_EQ(verdict_name(Verdict::kInhibited), "inhibited");
+}
+
+Decision decision_of(Verdict verdict) {
+  Decision decision;
+  decision.verdict = verdict;
+  return decision;
+}
+
+TEST(Settling, AnnouncesASignatureOnceItHasStood) {
+  Settling settling(3, 1);
+  const std::array<std::uint64_t, 1> none = {0}, some = {5}, other = {7};
+  EXPECT_EQ(settling.announced().verdict, Verdict::kInhibited);
+  for (int k = 0; k < 3; ++k) {
+    settling.step(decision_of(Verdict::kHealthy), none);
+  }
+  EXPECT_EQ(settling.announced().verdict, Verdict::kHealthy);
+  settling.step(decision_of(Verdict::kUnexplained), some);
+  settling.step(decision_of(Verdict::kUnexplained), some);
+  EXPECT_EQ(settling.announced().verdict, Verdict::kHealthy);
+  for (int k = 0; k < 2; ++k) {
+    EXPECT_EQ(settling.step(decision_of(Verdict::kIsolated), other).verdict, Verdict::kHealthy);
+  }
+  EXPECT_EQ(settling.step(decision_of(Verdict::kIsolated), other).verdict, Verdict::kIsolated);
+}
+
+TEST(Settling, AnnouncesInhibitionAtOnceAndKeepsItUntilASignatureHasStood) {
+  Settling settling(2, 1);
+  const std::array<std::uint64_t, 1> none = {0};
+  settling.step(decision_of(Verdict::kHealthy), none);
+  settling.step(decision_of(Verdict::kHealthy), none);
+  EXPECT_EQ(settling.step(decision_of(Verdict::kInhibited), none).verdict, Verdict::kInhibited);
+  EXPECT_EQ(settling.step(decision_of(Verdict::kHealthy), none).verdict, Verdict::kInhibited);
+  EXPECT_EQ(settling.step(decision_of(Verdict::kHealthy), none).verdict, Verdict::kHealthy);
+}
+
+TEST(Settling, KeepsAnAnnouncedSignatureForAnyLength) {
+  Settling settling(2, 1);
+  const std::array<std::uint64_t, 1> none = {0};
+  for (int k = 0; k < 100; ++k) {
+    settling.step(decision_of(Verdict::kHealthy), none);
+    EXPECT_EQ(settling.announced().verdict, k == 0 ? Verdict::kInhibited : Verdict::kHealthy);
+  }
+}
+
+TEST(Decision, DoesNotTouchTheHeapInAThousandSteps) {
+  const DecisionTable table(hou_structure());
+  Settling settling(3, 1);
+  const AllocationGuard guard;
+  for (std::uint64_t k = 0; k < 1000; ++k) {
+    const std::array<std::uint64_t, 1> signature = {(k / 5) % 64};
+    settling.step(table.decide(signature), signature);
+    if (k % 300 == 0) {
+      settling.reset();
+    }
+  }
+  const std::uint64_t heap_calls = guard.heap_calls();
+  EXPECT_EQ(heap_calls, 0u);
+}
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,153 @@
+#include "diagnosis/runtime/evaluator.h"
+
+#include <array>
+#include <limits>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/allocation_guard.h"
+
+namespace faultline {
+namespace {
+
+/// Two residuals with threshold 1: the first uses y1 and u1, the second y2 only.
+Bank two_residuals(std::uint32_t dwell) {
+  Bank bank;
+  bank.decision.dwell = dwell;
+  bank.output_names = {"y1", "y2"};
+  bank.input_names = {"u1"};
+  for (int i = 0; i < 2; ++i) {
+    ResidualFilter filter;
+    filter.F = filter.M = Eigen::MatrixXd::Constant(1, 1, 0.5);
+    filter.E = Eigen::RowVector2d::Unit(i);
+    filter.H = Eigen::RowVector2d::Zero();
+    filter.G = Eigen::MatrixXd::Constant(1, 1, i == 0 ? 1.0 : 0.0);
+    filter.K = Eigen::MatrixXd::Zero(1, 1);
+    filter.threshold = 1.0;
+    filter.forget_samples = 2;
+    bank.filters.push_back(filter);
+  }
+  return bank;
+}
+
+void step(Evaluator& evaluator, double first, double second) {
+  const std::array<double, 2> evaluation = {first, second};
+  evaluator.step(evaluation);
+}
+
+TEST(Evaluator, FiresAfterDwellSamplesStrictlyAboveTheThreshold) {
+  Evaluator evaluator(two_residuals(3));
+  for (int k = 0; k < 5; ++k) {
+    step(evaluator, 1.0, 1.1);  // 1.0 is not above 1.0
+    EXPECT_EQ(evaluator.fired()[0], 0) << k;
+    EXPECT_EQ(evaluator.fired()[1], k < 2 ? 0 : 1) << k;
+  }
+  EXPECT_EQ(evaluator.signature()[0], 0b10u);
+}
+
+TEST(Evaluator, ClearsAfterDwellSamplesNotAbove) {
+  Evaluator evaluator(two_residuals(2));
+  step(evaluator, 2.0, 0.0);
+  step(evaluator, 2.0, 0.0);
+  EXPECT_EQ(evaluator.fired()[0], 1);
+  step(evaluator, 1.0, 0.0);
+  EXPECT_EQ(evaluator.fired()[0], 1);
+  step(evaluator, 1.0, 0.0);
+  EXPECT_EQ(evaluator.fired()[0], 0);
+  EXPECT_EQ(evaluator.signature()[0], 0u);
+}
+
+TEST(Evaluator, StartsCountingAgainWhenARunIsBroken) {
+  Evaluator evaluator(two_residuals(2));
+  step(evaluator, 2.0, 0.0);
+  step(evaluator, 0.0, 0.0);
+  step(evaluator, 2.0, 0.0);
+  EXPECT_EQ(evaluator.fired()[0], 0);
+  step(evaluator, 2.0, 0.0);
+  EXPECT_EQ(evaluator.fired()[0], 1);
+}
+
+TEST(Evaluator, TakesANanAsAboveTheThreshold) {
+  Evaluator evaluator(two_residuals(1));
+  step(evaluator, std::numeric_limits<double>::quiet_NaN(), 0.0);
+  EXPECT_EQ(evaluator.fired()[0], 1);
+}
+
+TEST(Evaluator, ContaminatesOnlyTheResidualsThatUseTheBadChannel) {
+  Evaluator evaluator(two_residuals(1));
+  const std::array<std::uint8_t, 2> y_is_fresh = {1, 1};
+  const std::array<std::uint8_t, 1> u_is_stale = {0};
+  evaluator.contaminate(y_is_fresh, u_is_stale);
+  step(evaluator, 2.0, 2.0);
+  EXPECT_TRUE(evaluator.is_any_contaminated());
+  EXPECT_EQ(evaluator.fired()[0], 0);
+  EXPECT_EQ(evaluator.fired()[1], 1);
+}
+
+TEST(Evaluator, StaysContaminatedForForgetSamplesAndCountsTheDwellFromThere) {
+  Evaluator evaluator(two_residuals(2));
+  evaluator.contaminate_all();
+  EXPECT_TRUE(evaluator.is_any_contaminated());
+  for (int k = 0; k < 2; ++k) {
+    step(evaluator, 2.0, 2.0);
+    EXPECT_TRUE(evaluator.is_any_contaminated()) << k;
+  }
+  step(evaluator, 2.0, 2.0);
+  EXPECT_FALSE(evaluator.is_any_contaminated());
+  EXPECT_EQ(evaluator.fired()[0], 0);
+  step(evaluator, 2.0, 2.0);
+  EXPECT_EQ(evaluator.fired()[0], 1);
+}
+
+TEST(Evaluator, NeitherClearsWhileContaminated) {
+  Evaluator evaluator(two_residuals(1));
+  step(evaluator, 2.0, 2.0);
+  evaluator.contaminate_all();
+  step(evaluator, 0.0, 0.0);
+  EXPECT_EQ(evaluator.signature()[0], 0b11u);
+}
+
+TEST(Evaluator, ForgetsEverythingOnReset) {
+  Evaluator evaluator(two_residuals(1));
+  step(evaluator, 2.0, 2.0);
+  evaluator.contaminate_all();
+  evaluator.reset();
+  EXPECT_FALSE(evaluator.is_any_contaminated());
+  EXPECT_EQ(evaluator.signature()[0], 0u);
+  step(evaluator, 2.0, 0.0);
+  EXPECT_EQ(evaluator.signature()[0], 0b01u);
+}
+
+TEST(Evaluator, PutsMoreThan64ResidualsIntoSeveralWords) {
+  Bank bank = two_residuals(1);
+  bank.filters.resize(70, bank.filters[0]);
+  Evaluator evaluator(bank);
+  std::array<double, 70> evaluation = {};
+  evaluation[65] = 2.0;
+  evaluator.step(evaluation);
+  ASSERT_EQ(evaluator.signature().size(), 2u);
+  EXPECT_EQ(evaluator.signature()[0], 0u);
+  EXPECT_EQ(evaluator.signature()[1], 0b10u);
+}
+
+TEST(Evaluator, DoesNotTouchTheHeapInAThousandSteps) {
+  Evaluator evaluator(two_residuals(2));
+  const std::array<std::uint8_t, 2> y_is_fresh = {1, 0};
+  const std::array<std::uint8_t, 1> u_is_fresh = {1};
+  const AllocationGuard guard;
+  for (int k = 0; k < 1000; ++k) {
+    if (k % 50 == 0) {
+      evaluator.contaminate(y_is_fresh, u_is_fresh);
+    }
+    step(evaluator, k % 3, k % 5);
+    if (k % 400 == 0) {
+      evaluator.contaminate_all();
+      evaluator.reset();
+    }
+  }
+  const std::uint64_t heap_calls = guard.heap_calls();
+  EXPECT_EQ(heap_calls, 0u);
+}
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,65 @@
+#include "sim/message_assembler.h"
+
+#include <array>
+
+#include <gtest/gtest.h>
+
+#include "tests/sim/test_plants.h"
+
+namespace faultline {
+namespace {
+
+class MessageAssemblerTest : public testing::Test {
+ protected:
+  CanFrame sensor(std::size_t message, std::uint32_t cycle, double y1, double y2) const {
+    CanFrame frame;
+    const std::array<double, 2> y{y1, y2};
+    map_.sensor_messages[message].encode(y, cycle, frame);
+    return frame;
+  }
+  SignalMap map_ = double_integrator_map();
+  MessageAssembler assembler_{map_.sensor_messages, 2};
+};
+
+TEST_F(MessageAssemblerTest, CompletesACounterWithItsLastMessage) {
+  EXPECT_FALSE(assembler_.push(sensor(0, 5, 1.0, 2.0), 5));
+  const auto completed = assembler_.push(sensor(1, 5, 1.0, 2.0), 5);
+  ASSERT_TRUE(completed);
+  EXPECT_EQ(*completed, 5U);
+  EXPECT_EQ(assembler_.values(5)[0], 1.0);
+  EXPECT_EQ(assembler_.values(5)[1], 2.0);
+}
+
+TEST_F(MessageAssemblerTest, KeepsInterleavedCountersApart) {
+  EXPECT_FALSE(assembler_.push(sensor(0, 5, 1.0, 0.0), 5));
+  EXPECT_FALSE(assembler_.push(sensor(0, 6, 3.0, 0.0), 5));
+  EXPECT_EQ(assembler_.push(sensor(1, 6, 0.0, 4.0), 5), 6U);
+  EXPECT_EQ(assembler_.push(sensor(1, 5, 0.0, 2.0), 5), 5U);
+  EXPECT_EQ(assembler_.values(5)[0], 1.0);
+  EXPECT_EQ(assembler_.values(6)[1], 4.0);
+}
+
+TEST_F(MessageAssemblerTest, UnwrapsTheCounterNearTheNewestCycle) {
+  const std::uint32_t k = 1'000'000;
+  EXPECT_FALSE(assembler_.push(sensor(0, k + 1, 1.0, 0.0), k));
+  EXPECT_EQ(assembler_.push(sensor(1, k + 1, 0.0, 1.0), k), k + 1);
+  // Across the wrap of the 32-bit counter.
+  EXPECT_FALSE(assembler_.push(sensor(0, 1, 1.0, 0.0), 0xFFFFFFFF));
+  EXPECT_EQ(assembler_.push(sensor(1, 1, 0.0, 1.0), 0xFFFFFFFF), 1U);
+}
+
+TEST_F(MessageAssemblerTest, IgnoresRepeatsOthersAndShortPayloads) {
+  EXPECT_FALSE(assembler_.push(sensor(0, 5, 1.0, 0.0), 5));
+  EXPECT_FALSE(assembler_.push(sensor(0, 5, 9.0, 0.0), 5));
+  CanFrame other = sensor(1, 5, 0.0, 2.0);
+  other.id = 0x7FF;
+  EXPECT_FALSE(assembler_.push(other, 5));
+  CanFrame cut = sensor(1, 5, 0.0, 2.0);
+  cut.length = 2;
+  EXPECT_FALSE(assembler_.push(cut, 5));
+  EXPECT_EQ(assembler_.push(sensor(1, 5, 0.0, 2.0), 5), 5U);
+  EXPECT_EQ(assembler_.values(5)[0], 1.0);
+}
+
+}  // namespace
+}  // namespace faultline

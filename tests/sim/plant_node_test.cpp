@@ -1,0 +1,110 @@
+#include "sim/plant_node.h"
+
+#include <array>
+
+#include <gtest/gtest.h>
+
+#include "tests/sim/test_plants.h"
+#include "tests/support/allocation_guard.h"
+
+namespace faultline {
+namespace {
+
+class PlantNodeTest : public testing::Test {
+ protected:
+  CanFrame command(std::uint32_t counter, double force) const {
+    CanFrame frame;
+    const std::array<double, 1> u{force};
+    map_.command_messages[0].encode(u, counter, frame);
+    return frame;
+  }
+  std::int64_t sync_field(const SignalCodec& codec, const CanFrame& frame) const {
+    std::int64_t value = 0;
+    EXPECT_EQ(codec.decode_raw(frame.payload(), value), CodecStatus::kOk);
+    return value;
+  }
+
+  PlantModel model_ = double_integrator();
+  SignalMap map_ = double_integrator_map();
+  FaultSchedule schedule_{model_, {}};
+  PlantNode node_{model_, map_, schedule_, 0.1, model_.x_operating};
+  RecordingSink sink_;
+};
+
+TEST_F(PlantNodeTest, SendsSyncThenAllSensorMessages) {
+  node_.on_cycle(0, sink_);
+  ASSERT_EQ(sink_.frames.size(), 3U);
+  EXPECT_TRUE(map_.sync->matches(sink_.frames[0]));
+  EXPECT_TRUE(map_.sensor_messages[0].matches(sink_.frames[1]));
+  EXPECT_TRUE(map_.sensor_messages[1].matches(sink_.frames[2]));
+  std::array<double, 2> y{};
+  EXPECT_EQ(map_.sensor_messages[0].decode(sink_.frames[1], y), CodecStatus::kOk);
+  EXPECT_EQ(map_.sensor_messages[1].decode(sink_.frames[2], y), CodecStatus::kOk);
+  EXPECT_EQ(y[0], 1.0);
+  EXPECT_EQ(y[1], 2.0);
+}
+
+TEST_F(PlantNodeTest, SaysThatNoCommandActsYetAndAppliesZero) {
+  node_.on_cycle(0, sink_);
+  EXPECT_EQ(sync_field(*map_.sync->command_cycle, sink_.frames[0]), kNoCommand);
+  node_.on_cycle(1, sink_);
+  // u = 0 is a deviation of -3 from the operating point.
+  EXPECT_NEAR(node_.state()[1], 2.0 - 3.0 * 0.1, 1e-14);
+}
+
+TEST_F(PlantNodeTest, LatchesTheNewestCompleteCommand) {
+  node_.on_cycle(0, sink_);
+  node_.on_frame(command(0, 4.0));
+  EXPECT_TRUE(node_.has_command(0));
+  EXPECT_FALSE(node_.has_command(1));
+  sink_.frames.clear();
+  node_.on_cycle(1, sink_);
+  EXPECT_EQ(sync_field(map_.sync->cycle, sink_.frames[0]), 1);
+  EXPECT_EQ(sync_field(*map_.sync->command_cycle, sink_.frames[0]), 0);
+  EXPECT_FALSE(node_.truth().is_late);
+  const double speed = node_.state()[1];
+  node_.on_cycle(2, sink_);
+  EXPECT_NEAR(node_.state()[1], speed + (4.0 - 3.0) * 0.1, 1e-14);
+}
+
+TEST_F(PlantNodeTest, CountsACycleThatActsOnAnOlderCommand) {
+  node_.on_cycle(0, sink_);
+  node_.on_frame(command(0, 4.0));
+  node_.on_cycle(1, sink_);
+  node_.on_cycle(2, sink_);
+  EXPECT_TRUE(node_.truth().is_late);
+  EXPECT_EQ(node_.truth().command_cycle, 0U);
+  EXPECT_EQ(node_.late_cycles(), 1U);
+}
+
+TEST_F(PlantNodeTest, DoesNotGoBackToAnOlderCommand) {
+  node_.on_cycle(5, sink_);
+  node_.on_frame(command(5, 4.0));
+  node_.on_frame(command(4, 9.0));
+  node_.on_cycle(6, sink_);
+  EXPECT_EQ(node_.truth().command_cycle, 5U);
+}
+
+TEST_F(PlantNodeTest, CountsValuesThatDoNotFitTheirSignals) {
+  Eigen::VectorXd far(2);
+  far << 1e9, 0.0;
+  PlantNode node(model_, map_, schedule_, 0.1, far);
+  node.on_cycle(0, sink_);
+  EXPECT_EQ(node.clamped_values(), 1U);
+}
+
+TEST_F(PlantNodeTest, DoesNotAllocateWhileItRuns) {
+  class NullSink final : public FrameSink {
+    bool send(const CanFrame& /*frame*/) noexcept override { return true; }
+  } sink;
+  const CanFrame frame = command(0, 3.0);
+  const AllocationGuard guard;
+  for (std::uint32_t k = 0; k < 1000; ++k) {
+    node_.on_cycle(k, sink);
+    node_.on_frame(frame);
+  }
+  EXPECT_EQ(guard.heap_calls(), 0U);
+}
+
+}  // namespace
+}  // namespace faultline

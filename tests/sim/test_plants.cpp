@@ -1,0 +1,59 @@
+#include "tests/sim/test_plants.h"
+
+#include "drivers/dbc/dbc_parser.h"
+
+namespace faultline {
+
+PlantModel double_integrator() {
+  PlantModel plant;
+  plant.name = "double integrator";
+  plant.state_names = {"position", "speed"};
+  plant.input_names = {"force"};
+  plant.output_names = {"y1", "y2"};
+  plant.A = (Eigen::MatrixXd(2, 2) << 0, 1, 0, 0).finished();
+  plant.B = (Eigen::MatrixXd(2, 1) << 0, 1).finished();
+  plant.C = Eigen::MatrixXd::Identity(2, 2);
+  plant.D = Eigen::MatrixXd::Zero(2, 1);
+  plant.x_operating = (Eigen::VectorXd(2) << 1, 2).finished();
+  plant.u_operating = (Eigen::VectorXd(1) << 3).finished();
+  plant.y_operating = (Eigen::VectorXd(2) << 1, 2).finished();
+  plant.faults = {{.name = "force",
+                   .kind = FaultKind::kActuator,
+                   .state = plant.B.col(0),
+                   .output = Eigen::VectorXd::Zero(2)},
+                  {.name = "leak",
+                   .kind = FaultKind::kComponent,
+                   .state = (Eigen::VectorXd(2) << 1, 0).finished(),
+                   .output = (Eigen::VectorXd(2) << 0, 0.5).finished()}};
+  return plant;
+}
+
+SignalMap double_integrator_map() {
+  const DbcDatabase dbc = parse_dbc(R"(VERSION ""
+BS_:
+BU_: P C
+BO_ 1 Sync: 8 P
+ SG_ K : 0|32@1+ (1,0) [0|0] "" C
+ SG_ Ck : 32|32@1+ (1,0) [0|0] "" C
+BO_ 2 Position: 5 P
+ SG_ y1 : 0|32@1- (0.0009765625,0) [0|0] "" C
+ SG_ PositionCycle : 32|8@1+ (1,0) [0|0] "" C
+BO_ 3 Speed: 5 P
+ SG_ y2 : 0|32@1- (0.0009765625,0) [0|0] "" C
+ SG_ SpeedCycle : 32|8@1+ (1,0) [0|0] "" C
+BO_ 4 Command: 5 C
+ SG_ force : 0|32@1- (0.0009765625,0) [0|0] "" P
+ SG_ CommandCycle : 32|8@1+ (1,0) [0|0] "" P
+BA_DEF_ SG_ "FaultlineRole" ENUM "none","sync","cycle","command_cycle";
+BA_DEF_DEF_ "FaultlineRole" "none";
+BA_ "FaultlineRole" SG_ 1 K 1;
+BA_ "FaultlineRole" SG_ 1 Ck 3;
+BA_ "FaultlineRole" SG_ 2 PositionCycle 2;
+BA_ "FaultlineRole" SG_ 3 SpeedCycle 2;
+BA_ "FaultlineRole" SG_ 4 CommandCycle 2;
+)",
+                                    "double_integrator.dbc");
+  return make_signal_map(dbc, {"y1", "y2"}, {"force"});
+}
+
+}  // namespace faultline

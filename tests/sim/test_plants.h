@@ -1,0 +1,28 @@
+#pragma once
+
+#include <vector>
+
+#include "diagnosis/model/plant_model.h"
+#include "drivers/can/can_bus.h"
+#include "drivers/signal/signal_map.h"
+
+namespace faultline {
+
+/// A double integrator with a sensor on each state, an extra fault "leak" on the first state, and
+/// an operating point: x₀ = (1, 2), u₀ = 3, y₀ = (1, 2).
+[[nodiscard]] PlantModel double_integrator();
+
+/// SYNC, one sensor message per output and one command message, resolution 2^-10, 8-bit counters.
+[[nodiscard]] SignalMap double_integrator_map();
+
+/// Keeps what was sent.
+class RecordingSink final : public FrameSink {
+ public:
+  bool send(const CanFrame& frame) noexcept override {
+    frames.push_back(frame);
+    return true;
+  }
+  std::vector<CanFrame> frames;
+};
+
+}  // namespace faultline

@@ -1,0 +1,69 @@
+// Run inside tools/with-vcan: needs vcan0.
+#include <filesystem>
+
+#include <gtest/gtest.h>
+
+#include "tests/tools/bench/log_comparison.h"
+#include "tools/bench/bench.h"
+
+namespace faultline {
+namespace {
+
+const std::filesystem::path kExamples = std::filesystem::path(FAULTLINE_EXAMPLES_DIR) / "hou2015";
+
+BenchResult run(const BenchInputs& inputs, const std::string& bus, bool is_realtime,
+                const std::filesystem::path& log) {
+  BenchOptions options;
+  options.bus = bus;
+  options.is_realtime = is_realtime;
+  options.log = log;
+  return run_bench(inputs, options);
+}
+
+TEST(BenchOnVcan, GivesTheSameBitsAsTheLoopBusInLockStep) {
+  const BenchInputs inputs = load_bench_inputs(kExamples / "fig13.toml");
+  const TemporaryFolder folder;
+  const BenchResult on_loop = run(inputs, "loop", false, folder.path() / "loop.lcm");
+  const BenchResult on_vcan = run(inputs, "can:vcan0", false, folder.path() / "vcan.lcm");
+  const auto loop = logged_residuals(folder.path() / "loop.lcm");
+  const auto vcan = logged_residuals(folder.path() / "vcan.lcm");
+  ASSERT_EQ(loop.size(), 10001U);
+  ASSERT_EQ(vcan.size(), 10001U);
+  EXPECT_EQ(first_difference(loop, vcan), 10001U);
+  EXPECT_TRUE(on_loop.history.are_expectations_met());
+  EXPECT_TRUE(on_vcan.history.are_expectations_met());
+  EXPECT_EQ(on_vcan.counters.frames_received, on_vcan.counters.frames_sent);
+  EXPECT_EQ(on_vcan.counters.frames_dropped, 0U);
+}
+
+TEST(BenchOnVcan, DiagnosesInRealTimeAndAccountsForEveryFrame) {
+  BenchInputs inputs = load_bench_inputs(kExamples / "demo.toml");
+  inputs.scenario.duration_s = 3.0;
+  inputs.scenario.expectations.clear();
+  for (Injection& injection : inputs.scenario.injections) injection.at_s = 2.0;
+  inputs.schedule = FaultSchedule(inputs.plant, inputs.scenario.injections);
+  const TemporaryFolder folder;
+  const BenchResult result = run(inputs, "can:vcan0", true, folder.path() / "run.lcm");
+  EXPECT_EQ(result.counters.cycles, 301U);
+  EXPECT_EQ(result.counters.send_errors, 0U);
+  EXPECT_EQ(result.counters.frames_received + result.counters.frames_dropped,
+            result.counters.frames_sent);
+  ASSERT_FALSE(result.history.verdicts().empty());
+  EXPECT_EQ(verdict_text(result.history.verdicts().back()), "isolated u2, u3");
+}
+
+TEST(BenchOnVcan, NamesAnInterfaceThatIsNotThere) {
+  const BenchInputs inputs = load_bench_inputs(kExamples / "demo.toml");
+  const TemporaryFolder folder;
+  try {
+    static_cast<void>(run(inputs, "can:nosuch0", false, folder.path() / "run.lcm"));
+    FAIL() << "expected a BusError";
+  } catch (const BusError& error) {
+    EXPECT_NE(std::string(error.what()).find("nosuch0"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("vcan0"), std::string::npos) << error.what();
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "run.lcm"));
+}
+
+}  // namespace
+}  // namespace faultline

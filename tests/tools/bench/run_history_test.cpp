@@ -1,0 +1,105 @@
+#include "tools/bench/run_history.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tools/bench/bench_inputs.h"
+
+namespace faultline {
+namespace {
+
+using testing::ElementsAre;
+
+/// Two faults, one filter, ten samples a second; sets: {}, {a}, {b}, {a, b}.
+class RunHistoryTest : public testing::Test {
+ protected:
+  RunHistoryTest() {
+    bank_.sample_time_s = 0.1;
+    bank_.fault_names = {"a", "b"};
+    bank_.filters.resize(1);
+    bank_.filters[0].M = Eigen::MatrixXd::Ones(1, 1);
+    plant_.A = Eigen::MatrixXd::Zero(1, 1);
+    plant_.B = Eigen::MatrixXd::Zero(1, 2);
+    plant_.C = Eigen::MatrixXd::Zero(1, 1);
+    plant_.input_names = {"a", "b"};
+    plant_.output_names = {"y"};
+  }
+
+  DiagnosisRecord record(std::uint32_t cycle, Verdict verdict, std::uint32_t set = 0) const {
+    DiagnosisRecord record(bank_);
+    record.cycle = cycle;
+    record.decision.verdict = verdict;
+    if (verdict == Verdict::kIsolated) {
+      record.decision.set_count = 1;
+      record.decision.sets[0] = set;
+    }
+    record.fired[0] = verdict == Verdict::kIsolated ? 1 : 0;
+    return record;
+  }
+
+  Bank bank_;
+  PlantModel plant_;
+  std::vector<std::vector<std::size_t>> sets_{{}, {0}, {1}, {0, 1}};
+};
+
+TEST_F(RunHistoryTest, TellsDelaysFromInjectionToVerdict) {
+  const FaultSchedule schedule(plant_, {{.target = "b", .value = 1.0, .at_s = 1.0}});
+  RunHistory history(bank_, sets_, {}, schedule);
+  for (std::uint32_t k = 0; k < 12; ++k) history.on_record(record(k, Verdict::kHealthy));
+  history.on_record(record(12, Verdict::kUnexplained));
+  history.on_record(record(13, Verdict::kIsolated, 1));  // the wrong set
+  history.on_record(record(14, Verdict::kIsolated, 2));
+  ASSERT_EQ(history.injections().size(), 2U);
+  EXPECT_TRUE(history.injections()[0].faults.empty());
+  EXPECT_FALSE(history.injections()[0].detection_delay_s);
+  const InjectionOutcome& outcome = history.injections()[1];
+  EXPECT_THAT(outcome.faults, ElementsAre("b"));
+  EXPECT_NEAR(outcome.detection_delay_s.value(), 0.2, 1e-9);
+  EXPECT_NEAR(outcome.isolation_delay_s.value(), 0.4, 1e-9);
+  EXPECT_EQ(verdict_text(history.verdicts()[outcome.last_verdict]), "isolated b");
+  EXPECT_NEAR(history.first_fired_s()[0].value(), 1.3, 1e-9);
+}
+
+TEST_F(RunHistoryTest, MeetsAnExpectationOnlyIfEverySampleAgrees) {
+  const FaultSchedule schedule(plant_, {});
+  Scenario scenario;
+  scenario.expectations = {
+      {.from_s = 0.0, .until_s = 0.5, .verdict = Verdict::kHealthy},
+      {.from_s = 0.0, .until_s = 0.6, .verdict = Verdict::kHealthy},
+      {.from_s = 0.6, .until_s = 0.6, .verdict = Verdict::kIsolated, .faults = {"a"}},
+      {.from_s = 0.6, .until_s = 0.6, .verdict = Verdict::kIsolated, .faults = {"b"}},
+      {.from_s = 9.0, .until_s = 9.5, .verdict = Verdict::kHealthy}};
+  RunHistory history(bank_, sets_, scenario, schedule);
+  for (std::uint32_t k = 0; k < 6; ++k) history.on_record(record(k, Verdict::kHealthy));
+  history.on_record(record(6, Verdict::kIsolated, 1));
+  const auto outcomes = history.expectations();
+  EXPECT_TRUE(outcomes[0].is_met);
+  EXPECT_EQ(outcomes[0].samples, 6U);
+  EXPECT_FALSE(outcomes[1].is_met);
+  EXPECT_NEAR(outcomes[1].first_unmet->t_s, 0.6, 1e-9);
+  EXPECT_TRUE(outcomes[2].is_met);
+  EXPECT_FALSE(outcomes[3].is_met);
+  EXPECT_FALSE(outcomes[4].is_met) << "no sample came to it";
+  EXPECT_FALSE(history.are_expectations_met());
+}
+
+TEST_F(RunHistoryTest, ListsEachChangeOfTheVerdictOnce) {
+  const FaultSchedule schedule(plant_, {});
+  RunHistory history(bank_, sets_, {}, schedule);
+  std::uint32_t k = 0;
+  for (const Verdict verdict : {Verdict::kInhibited, Verdict::kInhibited, Verdict::kHealthy,
+                                Verdict::kHealthy, Verdict::kInhibited}) {
+    history.on_record(record(k++, verdict));
+  }
+  ASSERT_EQ(history.verdicts().size(), 3U);
+  EXPECT_NEAR(history.verdicts()[1].t_s, 0.2, 1e-9);
+}
+
+TEST(VerdictText, NamesAllCandidates) {
+  EXPECT_EQ(verdict_text({1.0, Verdict::kHealthy, {}}), "healthy");
+  EXPECT_EQ(verdict_text({1.0, Verdict::kAmbiguous, {{"u1", "u2"}, {"u3", "u4"}}}),
+            "ambiguous u1, u2 | u3, u4");
+}
+
+}  // namespace
+}  // namespace faultline

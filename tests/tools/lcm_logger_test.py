@@ -1,0 +1,116 @@
+#!/usr/bin/python3
+"""What `faultline run --lcm` publishes, recorded by lcm-logger, equals the run's own log.
+
+The whole takes place in a network namespace of its own, where nobody else's LCM traffic is.
+"""
+import collections
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import unittest
+
+from faultline_program import FolderTest, decode_all, finish, read_log, reassemble_parts, wait_for
+
+URL = "udpm://239.255.76.67:7667?ttl=0"
+IN_NAMESPACE = "FAULTLINE_TEST_IN_NAMESPACE"
+PARTS = {"scenario": "short.toml", "plant": "plant.toml", "bank_request": "bank.toml", "dbc": "bench.dbc"}
+
+
+def enter_namespace():
+    """Replaces this process by itself in a new network namespace with multicast on lo."""
+    own = ["--net"] if os.geteuid() == 0 else ["--net", "--map-root-user"]
+    set_up = 'ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec "$@"'
+    os.environ["PATH"] += ":/usr/sbin:/sbin"
+    os.execvpe("unshare", ["unshare", *own, "sh", "-c", set_up, "sh", sys.executable, os.path.abspath(__file__),
+                           *sys.argv[1:]], {**os.environ, IN_NAMESPACE: "1"})
+
+
+def send_probe():
+    """Publishes an LCM message (short form: magic, sequence number, channel, payload) on PROBE."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+        sender.sendto(struct.pack(">II", 0x4C433032, 0) + b"PROBE\0", ("239.255.76.67", 7667))
+
+
+class LcmLogger(FolderTest):
+    def setUp(self):
+        super().setUp()
+        text = self.folder.read("demo.toml").decode()
+        text = text[:text.index("[[expect]]")].replace("duration_s = 10.0", "duration_s = 2.0")
+        self.folder.write("short.toml", text.replace("at_s   = 4.0", "at_s   = 1.0"))
+
+    def start_logger(self):
+        logger = subprocess.Popen(["lcm-logger", "--quiet", "--flush-interval=20", "--lcm-url", URL, "recorded.lcm"],
+                                  cwd=self.folder.path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        self.addCleanup(lambda: logger.poll() is None and (logger.kill(), logger.communicate()))
+        # LCM joins the group before it knows what it has subscribed to: only a message that got through
+        # shows that the logger listens.
+        log = self.folder.file("recorded.lcm")
+
+        def has_heard_a_probe():
+            send_probe()
+            return os.path.exists(log) and os.path.getsize(log) > 0
+
+        wait_for(has_heard_a_probe)
+        return logger
+
+    @staticmethod
+    def payloads(events):
+        by_channel = collections.defaultdict(list)
+        for event in events:
+            by_channel[event.channel].append(event.data)
+        return by_channel
+
+    def record(self):
+        """Returns the events of a run's own log and those that lcm-logger recorded meanwhile."""
+        logger = self.start_logger()
+        self.run_ok("run", "short.toml", "--realtime", "--lcm", URL, "--log", "own.lcm")
+        own, rest = read_log(self.folder.file("own.lcm"))
+        self.assertEqual(rest, 0)
+
+        def has_the_last():  # lcm-logger writes behind a queue
+            recorded = read_log(self.folder.file("recorded.lcm"))[0]
+            return recorded and recorded[-1].data == own[-1].data
+
+        wait_for(has_the_last)
+        logger.send_signal(signal.SIGINT)
+        answer = finish(logger)
+        self.assertEqual(answer.code, 0, answer.out)
+        recorded, rest = read_log(self.folder.file("recorded.lcm"))
+        self.assertEqual(rest, 0)
+        return own, [event for event in recorded if event.channel != "PROBE"]
+
+    def assert_equal_messages(self, own, recorded):
+        expected, found = self.payloads(own), self.payloads(recorded)
+        self.assertLessEqual({"FAULTLINE_DIAGNOSIS", "FAULTLINE_RESIDUAL", "FAULTLINE_SAMPLE", "FAULTLINE_CAN",
+                              "FAULTLINE_RUN", "FAULTLINE_TRUTH", "FAULTLINE_EVENT", "FAULTLINE_STATS"}, set(expected))
+        self.assertEqual(set(found), set(expected))
+        for channel in expected:
+            self.assertEqual(len(found[channel]), len(expected[channel]), channel)
+            self.assertTrue(found[channel] == expected[channel], f"{channel}: a message differs")
+
+    def test_a_recorded_run_equals_its_own_log(self):
+        own, recorded = self.record()
+        self.assert_equal_messages(own, recorded)
+        messages = decode_all(recorded)
+        self.assertEqual([sample["cycle"] for sample in messages["FAULTLINE_SAMPLE"]], list(range(201)))
+        verdicts = [(message["verdict"], [found["faults"] for found in message["sets"]])
+                    for message in messages["FAULTLINE_DIAGNOSIS"]]
+        self.assertEqual(verdicts[0], ("inhibited", []))
+        self.assertGreaterEqual(len(verdicts), 3)
+        parts = reassemble_parts(messages["FAULTLINE_RUN"])
+        for part, name in PARTS.items():
+            self.assertEqual(parts[part], self.folder.read(name), part)
+        self.assertEqual(set(parts), {*PARTS, "bank"})
+        answer = self.run_ok("info", "recorded.lcm")
+        self.assertNotIn("INCOMPLETE", answer.out)
+        self.assertNotIn("MISSING", answer.out)
+
+
+if __name__ == "__main__":
+    if IN_NAMESPACE not in os.environ:
+        enter_namespace()
+    unittest.main()

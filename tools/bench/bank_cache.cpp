@@ -1,0 +1,76 @@
+#include "tools/bench/bank_cache.h"
+
+#include <cstdlib>
+#include <exception>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "diagnosis/bank/bank_file.h"
+#include "diagnosis/design/design_bank.h"
+#include "diagnosis/model/digest.h"
+#include "tools/bench/bench_inputs.h"
+#include "tools/version.h"
+
+namespace faultline {
+namespace {
+
+std::optional<Bank> read_cached(const std::filesystem::path& file) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error)) return std::nullopt;
+  try {
+    return read_bank(file);
+  } catch (const std::exception&) {
+    return std::nullopt;  // damaged: designed anew and overwritten
+  }
+}
+
+void write_cached(const Bank& bank, const std::filesystem::path& file) {
+  std::error_code error;
+  std::filesystem::create_directories(file.parent_path(), error);
+  try {
+    write_bank(bank, file);
+  } catch (const std::exception&) {
+    // A cache that cannot be written only costs the next run its time.
+  }
+}
+
+std::string name_sets(const DesignResult& result) {
+  std::string text;
+  for (const ResidualReport& report : result.residuals) {
+    if (report.exists) continue;
+    text += fmt::format("\n  {}: {}", report.name, report.reason);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::filesystem::path bank_cache_folder() {
+  if (const char* xdg = std::getenv("XDG_CACHE_HOME"); xdg != nullptr && *xdg != '\0') {
+    return std::filesystem::path(xdg) / "faultline";
+  }
+  if (const char* home = std::getenv("HOME"); home != nullptr && *home != '\0') {
+    return std::filesystem::path(home) / ".cache" / "faultline";
+  }
+  return {};
+}
+
+Bank cached_design(const PlantModel& plant, const BankRequest& request) {
+  const std::string key = text_digest(plant_digest(plant) + '\n' + kVersion + '\n' + request.text);
+  const std::filesystem::path folder = bank_cache_folder();
+  const std::filesystem::path file = folder / (key + ".bank.json");
+  if (!folder.empty()) {
+    if (auto bank = read_cached(file)) return *std::move(bank);
+  }
+  DesignResult result = design_bank(plant, request);
+  if (!result.is_solvable) {
+    throw NotSolvable(
+        fmt::format("{}: not every residual of bank \"{}\" exists for plant \"{}\":{}",
+                    request.source, request.name, plant.name, name_sets(result)));
+  }
+  if (!folder.empty()) write_cached(result.bank, file);
+  return std::move(result.bank);
+}
+
+}  // namespace faultline

@@ -1,0 +1,160 @@
+#include "tools/bench/bench.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "tools/bench/bench_run.h"
+
+namespace faultline {
+namespace {
+
+using std::chrono::steady_clock;
+
+/// A killed run loses at most this much of its log.
+constexpr auto kFlushPeriod = std::chrono::milliseconds(50);
+constexpr auto kProgressPeriod = std::chrono::milliseconds(100);
+/// Those who join live LCM late wait at most this long for RUN (docs/design.md).
+constexpr auto kRepeatPeriod = std::chrono::seconds(5);
+/// STATS once per second of bench time.
+constexpr std::int64_t kStatsPeriod_us = 1'000'000;
+
+std::int64_t utime_now() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+RunPublisher make_publisher(const BenchInputs& inputs, const BenchOptions& options,
+                            const DiagnosisNode& diagnosis) {
+  auto live = options.lcm_url ? open_live(*options.lcm_url) : nullptr;
+  // The log comes last: nothing else may fail once an old log has been replaced.
+  auto log = options.log ? open_log(*options.log) : nullptr;
+  return {inputs, diagnosis.decision_table().sets(), std::move(log), std::move(live)};
+}
+
+}  // namespace
+
+BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
+    : inputs(inputs_),
+      options(options_),
+      buses(open_endpoints(options.bus, inputs.map)),
+      plant(inputs.plant, inputs.map, inputs.schedule, inputs.bank.sample_time_s, inputs.x_initial),
+      controller(inputs.map, inputs.control_law),
+      diagnosis(inputs.map, inputs.bank, inputs.scenario.is_initial_state_known),
+      publisher(make_publisher(inputs, options, diagnosis)),
+      history(inputs.bank, diagnosis.decision_table().sets(), inputs.scenario, inputs.schedule),
+      start_(steady_clock::now()),
+      next_flush_(start_ + kFlushPeriod),
+      next_progress_(start_),
+      next_repeat_(start_ + kRepeatPeriod),
+      start_utime_(utime_now()),
+      cycle_count_(static_cast<std::uint32_t>(
+                       std::lround(inputs.scenario.duration_s / inputs.bank.sample_time_s)) +
+                   1),
+      next_stats_utime_(start_utime_) {
+  publisher.publish_parts(start_utime_);
+  publisher.publish_event(-1, "info", "bench",
+                          fmt::format("{} on {}, {}", inputs.scenario.name, options.bus,
+                                      options.is_realtime ? "in real time" : "in lock-step"),
+                          start_utime_);
+}
+
+std::int64_t BenchRun::utime_of(double t_s) const noexcept {
+  return start_utime_ + std::llround(t_s * 1e6);
+}
+
+void BenchRun::on_record(const DiagnosisRecord& record, std::int64_t utime) {
+  publisher.publish_record(record, utime);
+  history.on_record(record);
+  ++seen_.samples;
+  if ((record.flags & kBadSample) != 0) ++seen_.bad_samples;
+  if ((record.flags & kSampleReset) != 0) {
+    ++seen_.resets;
+    publisher.publish_event(record.cycle, "warning", "diagnosis",
+                            "restart or long gap on the bus: everything before is forgotten",
+                            utime);
+  }
+}
+
+bool BenchRun::attend(double t_s, std::int64_t utime) {
+  const auto now = steady_clock::now();
+  if (now >= next_flush_) {
+    publisher.flush();
+    next_flush_ = now + kFlushPeriod;
+    if (signal_ == 0) signal_ = stop_signal.poll();
+  }
+  if (now >= next_repeat_) {
+    publisher.repeat_parts(utime);
+    next_repeat_ = now + kRepeatPeriod;
+  }
+  if (options.on_progress && now >= next_progress_) {
+    const std::string verdict =
+        history.verdicts().empty() ? "" : verdict_text(history.verdicts().back());
+    options.on_progress(t_s, inputs.scenario.duration_s, verdict);
+    next_progress_ = now + kProgressPeriod;
+  }
+  return signal_ != 0 || stop_reason_.has_value();
+}
+
+void BenchRun::on_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime) {
+  publisher.publish_truth(truth, x, utime);
+  ++seen_.cycles;
+  if (truth.is_late) ++seen_.late_cycles;
+  if (utime >= next_stats_utime_) {
+    publisher.publish_stats(counters_now(), truth.cycle, utime);
+    next_stats_utime_ = utime + kStatsPeriod_us;
+  }
+}
+
+void BenchRun::add_losses(std::uint64_t overruns, std::uint64_t records_dropped) noexcept {
+  seen_.overruns += overruns;
+  seen_.records_dropped += records_dropped;
+}
+
+RunCounters BenchRun::counters_now() const {
+  RunCounters counters = seen_;
+  const BusCounters from_plant = buses.plant->counters();
+  const BusCounters from_controller = buses.controller->counters();
+  const BusCounters at_diagnosis = buses.diagnosis->counters();
+  counters.frames_sent = from_plant.sent + from_controller.sent;
+  counters.send_errors = from_plant.send_errors + from_controller.send_errors;
+  counters.frames_received = at_diagnosis.received;
+  counters.frames_dropped = at_diagnosis.dropped;
+  return counters;
+}
+
+BenchResult BenchRun::finish(std::int64_t utime) {
+  if (signal_ == 0) signal_ = stop_signal.poll();
+  publisher.flush_frames();
+  if (signal_ != 0) {
+    publisher.publish_event(plant.truth().cycle, "warning", "bench", "stopped by a signal", utime);
+  }
+  if (stop_reason_) {
+    publisher.publish_event(plant.truth().cycle, "error", "bench", stop_reason_->text, utime);
+  }
+  RunCounters final_counters = counters_now();
+  final_counters.clamped_values = plant.clamped_values() + controller.clamped_values();
+  publisher.publish_stats(final_counters, plant.truth().cycle, utime);
+  publisher.close();
+  const std::chrono::duration<double> wall = steady_clock::now() - start_;
+  return {.history = std::move(history),
+          .counters = final_counters,
+          .is_interrupted = signal_ != 0,
+          .signal = signal_,
+          .stop_reason = stop_reason_,
+          .wall_s = wall.count()};
+}
+
+BenchResult run_bench(const BenchInputs& inputs, const BenchOptions& options) {
+  BenchRun run(inputs, options);
+  if (options.is_realtime) {
+    run_realtime(run);
+  } else {
+    run_lock_step(run);
+  }
+  const double t_end_s = run.time_of(run.plant.truth().cycle);
+  return run.finish(options.is_realtime ? utime_now() : run.utime_of(t_end_s));
+}
+
+}  // namespace faultline

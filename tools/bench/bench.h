@@ -1,0 +1,51 @@
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "tools/bench/bench_inputs.h"
+#include "tools/bench/run_history.h"
+#include "tools/bench/run_publisher.h"
+
+namespace faultline {
+
+struct BenchOptions {
+  std::string bus;           ///< "loop" or "can:IFACE"
+  bool is_realtime = false;  ///< absolute deadlines; else lock-step
+  std::optional<std::filesystem::path> log;
+  std::optional<std::string> lcm_url;
+  /// Called about ten times a second while the bench runs; on the calling thread.
+  std::function<void(double t_s, double duration_s, const std::string& verdict)> on_progress;
+};
+
+/// Why a run ended before its time.
+struct StopReason {
+  enum class Kind {
+    kBus,    ///< the bus failed or lost what the cycle cannot go on without
+    kPlant,  ///< the plant diverged
+  };
+  Kind kind = Kind::kBus;
+  std::string text;
+};
+
+/// What a run came to.
+struct BenchResult {
+  RunHistory history;
+  RunCounters counters;
+  bool is_interrupted = false;            ///< stopped by SIGINT or SIGTERM
+  int signal = 0;                         ///< which
+  std::optional<StopReason> stop_reason;  ///< why it ended early otherwise
+  double wall_s = 0.0;
+};
+
+/// Runs a scenario: plant, controller and diagnosis nodes on one bus, in lock-step (cycle k+1
+/// begins when the commands of cycle k are complete) or in real time. Handles SIGINT and SIGTERM:
+/// stops cleanly, log closed.
+/// @throws BusError, MessageSinkError the bus, the log or LCM failed; std::invalid_argument bus
+/// name.
+[[nodiscard]] BenchResult run_bench(const BenchInputs& inputs, const BenchOptions& options);
+
+}  // namespace faultline

@@ -1,0 +1,270 @@
+#include "tools/bench/bench_inputs.h"
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <system_error>
+
+#include <fmt/format.h>
+
+#include "diagnosis/bank/bank_file.h"
+#include "diagnosis/model/plant_file.h"
+#include "diagnosis/model/toml_reader.h"
+#include "drivers/dbc/dbc_parser.h"
+#include "sim/plant.h"
+#include "tools/bench/bank_cache.h"
+
+namespace faultline {
+namespace {
+
+/// Cycles are counted in 32 bits on the bus, and the largest number says "no command yet".
+constexpr double kMaxCycles = kNoCommand;
+
+std::string read_text(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) {
+    throw std::system_error(errno, std::generic_category(), "cannot read " + file.string());
+  }
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
+InputError error_in(const Scenario& scenario, SourcePosition position, const std::string& text) {
+  return {scenario.file.string(), position, text};
+}
+
+/// The file that the scenario names under `key`.
+const std::filesystem::path& require_file(const Scenario& scenario, std::string_view key,
+                                          const std::filesystem::path& file) {
+  std::error_code error;
+  const auto type = std::filesystem::status(file, error).type();
+  if (type == std::filesystem::file_type::not_found) {
+    throw error_in(scenario, position_in(scenario, "", key),
+                   fmt::format("{}: found no file {}, expected one", key, file.string()));
+  }
+  if (type == std::filesystem::file_type::directory) {
+    throw error_in(scenario, position_in(scenario, "", key),
+                   fmt::format("{}: found the folder {}, expected a file", key, file.string()));
+  }
+  return file;
+}
+
+bool is_bank_file(const std::filesystem::path& file) { return file.extension() == ".json"; }
+
+/// The plant that a bank request names must be the scenario's.
+void check_request_fits(const Scenario& scenario, const PlantModel& plant,
+                        const BankRequest& request) {
+  std::error_code error;
+  if (std::filesystem::equivalent(request.plant, scenario.plant, error)) return;
+  const PlantModel other = read_requested_plant(request);
+  if (plant_digest(other) == plant_digest(plant)) return;
+  throw request_error(request, "plant",
+                      fmt::format("found {} (plant \"{}\"), expected the plant \"{}\" that {} is "
+                                  "about: {}",
+                                  request.plant.string(), other.name, plant.name,
+                                  scenario.file.string(), scenario.plant.string()));
+}
+
+Bank load_bank(const Scenario& scenario, const PlantModel& plant, std::vector<RunPart>& parts) {
+  const std::string name = scenario.bank.filename().string();
+  if (is_bank_file(scenario.bank)) {
+    Bank bank = read_bank(scenario.bank);
+    parts.push_back({"bank", name, read_text(scenario.bank)});
+    return bank;
+  }
+  const BankRequest request = read_bank_request(scenario.bank);
+  check_request_fits(scenario, plant, request);
+  Bank bank = cached_design(plant, request);
+  parts.push_back({"bank_request", name, request.text});
+  parts.push_back({"bank", bank.name + ".bank.json", bank_text(bank)});
+  return bank;
+}
+
+/// Where `key` stands in a bank file, which has it once.
+SourcePosition position_in_bank(const Scenario& scenario, std::string_view key) {
+  const std::string text = read_text(scenario.bank);
+  const std::size_t offset = text.find(fmt::format("\"{}\"", key));
+  if (offset == std::string::npos) return {};
+  const auto begin = text.begin();
+  const auto at = begin + static_cast<std::ptrdiff_t>(offset);
+  const std::size_t line_start = text.rfind('\n', offset) + 1;  // npos + 1 is 0
+  return {static_cast<int>(std::count(begin, at, '\n')) + 1,
+          static_cast<int>(offset - line_start) + 1};
+}
+
+void check_bank_fits(const Scenario& scenario, const PlantModel& plant, const Bank& bank) {
+  const std::string digest = plant_digest(plant);
+  if (bank.plant_digest != digest) {
+    throw InputError(scenario.bank.string(), position_in_bank(scenario, "plant"),
+                     fmt::format("plant: found digest {} (designed for plant \"{}\"), expected {}, "
+                                 "that of plant \"{}\" in {}: design the bank anew",
+                                 bank.plant_digest, bank.plant_name, digest, plant.name,
+                                 scenario.plant.string()));
+  }
+  const auto check_names = [&](const char* key, const std::vector<std::string>& found,
+                               const std::vector<std::string>& expected) {
+    if (found == expected) return;
+    throw InputError(scenario.bank.string(), position_in_bank(scenario, key),
+                     fmt::format("{}: found {}, expected those of plant \"{}\": {}", key,
+                                 fmt::join(found, ", "), plant.name, fmt::join(expected, ", ")));
+  };
+  check_names("inputs", bank.input_names, plant.input_names);
+  check_names("outputs", bank.output_names, plant.output_names);
+  check_names("faults", bank.fault_names, plant.fault_names());
+}
+
+void check_duration(const Scenario& scenario, const Bank& bank) {
+  const double cycles = scenario.duration_s / bank.sample_time_s;
+  if (cycles >= 1.0 && cycles < kMaxCycles) return;
+  throw error_in(
+      scenario, position_in(scenario, "", "duration_s"),
+      fmt::format("duration_s: found {} s, {} cycles of {} s (sample_time_s of bank "
+                  "\"{}\"), expected 1 to {} cycles",
+                  scenario.duration_s, cycles, bank.sample_time_s, bank.name, kMaxCycles));
+}
+
+void check_expected_faults(const Scenario& scenario, const Bank& bank) {
+  for (std::size_t i = 0; i < scenario.expectations.size(); ++i) {
+    for (const std::string& fault : scenario.expectations[i].faults) {
+      if (std::find(bank.fault_names.begin(), bank.fault_names.end(), fault) !=
+          bank.fault_names.end()) {
+        continue;
+      }
+      const auto near = nearest_name(fault, bank.fault_names);
+      throw error_in(scenario, position_in(scenario, "expect", "faults", i),
+                     fmt::format("faults: found \"{}\", expected a fault of bank \"{}\" ({}){}",
+                                 fault, bank.name, fmt::join(bank.fault_names, ", "),
+                                 near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
+    }
+  }
+}
+
+/// The bench's own controller must tell cycles apart; one that only listens could go by bus order.
+void check_cycles_can_be_told(const DbcDatabase& dbc, const SignalMap& map) {
+  if (map.sync) return;
+  for (const MappedMessage& message : map.sensor_messages) {
+    if (message.cycle) continue;
+    const auto in_file =
+        std::find_if(dbc.messages.begin(), dbc.messages.end(),
+                     [&](const DbcMessage& candidate) { return candidate.name == message.name; });
+    throw InputError(dbc.source, {in_file->position.line, in_file->position.column},
+                     fmt::format("message {}: found no signal with FaultlineRole \"cycle\" and no "
+                                 "message with \"sync\", expected one: the simulated controller "
+                                 "cannot tell cycles apart",
+                                 message.name));
+  }
+}
+
+FaultSchedule make_schedule(const Scenario& scenario, const PlantModel& plant) {
+  try {
+    return {plant, scenario.injections};
+  } catch (const ScheduleError& error) {
+    throw error_in(scenario, position_in(scenario, "fault", error.field(), error.injection()),
+                   error.what());
+  }
+}
+
+void check_controller_shape(const Scenario& scenario, const char* key,
+                            const Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
+  if (matrix.rows() == rows && matrix.cols() == cols) return;
+  throw error_in(scenario, position_in(scenario, "controller", key),
+                 fmt::format("controller.{}: found {}×{}, expected {}×{}", key, matrix.rows(),
+                             matrix.cols(), rows, cols));
+}
+
+/// [signals] may map channels only. What they are mapped to, make_signal_map checks.
+void check_mapped_channels(const Scenario& scenario, const PlantModel& plant) {
+  std::vector<std::string> channels = plant.output_names;
+  channels.insert(channels.end(), plant.input_names.begin(), plant.input_names.end());
+  for (const auto& [channel, mapping] : scenario.signals) {
+    if (std::find(channels.begin(), channels.end(), channel) != channels.end()) continue;
+    const auto near = nearest_name(channel, channels);
+    throw error_in(scenario, position_in(scenario, "signals", channel),
+                   fmt::format("signals: found \"{}\", expected a channel of plant \"{}\" ({}){}",
+                               channel, plant.name, fmt::join(channels, ", "),
+                               near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
+  }
+}
+
+ControlLaw make_control_law(const Scenario& scenario, const PlantModel& plant,
+                            double sample_time_s) {
+  const ControllerSpec& spec = scenario.controller;
+  const Eigen::VectorXd feedforward = spec.feedforward.value_or(Eigen::VectorXd::Zero(plant.m()));
+  check_controller_shape(scenario, "feedforward", feedforward, plant.m(), 1);
+  try {
+    switch (spec.kind) {
+      case ControllerKind::kNone:
+        return open_loop(plant, feedforward);
+      case ControllerKind::kGain:
+        check_controller_shape(scenario, "K", *spec.K, plant.m(), plant.n());
+        return state_feedback(plant, *spec.K, feedforward);
+      case ControllerKind::kLqr: {
+        const Eigen::MatrixXd Q = spec.Q.value_or(Eigen::MatrixXd::Identity(plant.n(), plant.n()));
+        const Eigen::MatrixXd R = spec.R.value_or(Eigen::MatrixXd::Identity(plant.m(), plant.m()));
+        check_controller_shape(scenario, "Q", Q, plant.n(), plant.n());
+        check_controller_shape(scenario, "R", R, plant.m(), plant.m());
+        return state_feedback(plant, lqr_gain(plant, sample_time_s, Q, R), feedforward);
+      }
+    }
+  } catch (const std::invalid_argument& error) {
+    throw error_in(scenario, position_in(scenario, "controller", ""),
+                   fmt::format("controller: {}", error.what()));
+  }
+  return {};
+}
+
+Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant) {
+  if (!scenario.initial_state) return plant.x_operating;
+  if (scenario.initial_state->size() != plant.n()) {
+    throw error_in(scenario, position_in(scenario, "", "initial_state"),
+                   fmt::format("initial_state: found {} numbers, expected {}, one per state",
+                               scenario.initial_state->size(), plant.n()));
+  }
+  return *scenario.initial_state;
+}
+
+void check_plant_can_run(const Scenario& scenario, const PlantModel& plant, const Bank& bank) {
+  try {
+    const LinearPlant stepped(plant, bank.sample_time_s);
+  } catch (const std::invalid_argument& error) {
+    const char* key = plant.nonlinearities.empty() ? "sample_time_s" : "nonlinearity";
+    throw TomlTable::read_file(scenario.plant).error(key, error.what());
+  }
+}
+
+}  // namespace
+
+PlantModel read_requested_plant(const BankRequest& request) {
+  std::error_code error;
+  if (!std::filesystem::exists(request.plant, error) ||
+      std::filesystem::is_directory(request.plant, error)) {
+    throw request_error(request, "plant",
+                        fmt::format("found no file {}, expected one", request.plant.string()));
+  }
+  return read_plant(request.plant);
+}
+
+BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
+  Scenario scenario = read_scenario(scenario_file);
+  std::vector<RunPart> parts;
+  parts.push_back({"scenario", scenario.file.filename().string(), scenario.text});
+  PlantModel plant = read_plant(require_file(scenario, "plant", scenario.plant));
+  parts.push_back({"plant", scenario.plant.filename().string(), read_text(scenario.plant)});
+  const DbcDatabase dbc = read_dbc(require_file(scenario, "dbc", scenario.dbc));
+  parts.push_back({"dbc", scenario.dbc.filename().string(), read_text(scenario.dbc)});
+  check_mapped_channels(scenario, plant);
+  SignalMap map = make_signal_map(dbc, plant.output_names, plant.input_names, scenario.signals);
+  check_cycles_can_be_told(dbc, map);
+  FaultSchedule schedule = make_schedule(scenario, plant);
+  require_file(scenario, "bank", scenario.bank);
+  Bank bank = load_bank(scenario, plant, parts);
+  check_bank_fits(scenario, plant, bank);
+  check_expected_faults(scenario, bank);
+  check_duration(scenario, bank);
+  check_plant_can_run(scenario, plant, bank);
+  ControlLaw law = make_control_law(scenario, plant, bank.sample_time_s);
+  Eigen::VectorXd x_initial = initial_state(scenario, plant);
+  return {std::move(scenario), std::move(plant), std::move(bank),      std::move(map),
+          std::move(schedule), std::move(law),   std::move(x_initial), std::move(parts)};
+}
+
+}  // namespace faultline

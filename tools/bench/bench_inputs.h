@@ -1,0 +1,53 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "diagnosis/bank/bank.h"
+#include "diagnosis/design/bank_request.h"
+#include "diagnosis/model/plant_model.h"
+#include "drivers/signal/signal_map.h"
+#include "sim/controller_node.h"
+#include "sim/fault_schedule.h"
+#include "tools/bench/scenario.h"
+
+namespace faultline {
+
+/// A text a run was made from; goes into the log (RUN).
+struct RunPart {
+  std::string part;  ///< scenario, plant, bank_request, bank, dbc
+  std::string name;  ///< file name
+  std::string text;
+};
+
+/// Everything a run needs, read, checked and fitted together.
+struct BenchInputs {
+  Scenario scenario;
+  PlantModel plant;
+  Bank bank;
+  SignalMap map;
+  FaultSchedule schedule;
+  ControlLaw control_law;
+  Eigen::VectorXd x_initial;  ///< absolute
+  std::vector<RunPart> parts;
+};
+
+/// A bank that was asked for cannot be had: not every residual exists. A valid question with a
+/// negative answer (exit code 1).
+class NotSolvable : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// Reads the plant that a bank request names.
+/// @throws InputError the plant is wrong or not there; std::system_error it cannot be read.
+[[nodiscard]] PlantModel read_requested_plant(const BankRequest& request);
+
+/// Reads a scenario and all it refers to. A bank.toml is designed first; designs are cached by
+/// digest in $XDG_CACHE_HOME/faultline (or ~/.cache/faultline).
+/// @throws InputError, DbcError, BankFileError, SignalMapError bad input; NotSolvable;
+/// @throws std::system_error a file cannot be read.
+[[nodiscard]] BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file);
+
+}  // namespace faultline

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+
+#include "sim/controller_node.h"
+#include "sim/plant_node.h"
+#include "tools/bench/bench.h"
+#include "tools/bench/bench_inputs.h"
+#include "tools/bench/diagnosis_node.h"
+#include "tools/bench/endpoints.h"
+#include "tools/bench/run_history.h"
+#include "tools/bench/run_publisher.h"
+#include "tools/bench/stop_signal.h"
+
+namespace faultline {
+
+/// One run in the making: the nodes wired to a bus, the publisher, the history. How the cycles are
+/// paced is not its business: run_lock_step and run_realtime drive it.
+class BenchRun {
+ public:
+  /// @throws BusError, MessageSinkError, std::invalid_argument.
+  BenchRun(const BenchInputs& inputs, const BenchOptions& options);
+
+  // Consumer side: called by one thread only, the one that publishes.
+
+  /// A frame the diagnosis node received.
+  void on_frame(const CanFrame& frame, std::int64_t utime) { publisher.add_frame(frame, utime); }
+  void on_record(const DiagnosisRecord& record, std::int64_t utime);
+  void on_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime);
+  /// Call often, with the time the run has come to: flushes, repeats RUN, shows progress, polls the
+  /// stop signal. @return true if the run must stop.
+  bool attend(double t_s, std::int64_t utime);
+  /// Last counters and a clean end of log and LCM.
+  /// Nodes and buses must be at rest.
+  [[nodiscard]] BenchResult finish(std::int64_t utime);
+  /// Counted by the pace: cycles that began a whole period late; records the queue had no room for.
+  void add_losses(std::uint64_t overruns, std::uint64_t records_dropped) noexcept;
+
+  /// Microseconds since 1970 at which the run began.
+  [[nodiscard]] std::int64_t start_utime() const noexcept { return start_utime_; }
+  [[nodiscard]] std::int64_t utime_of(double t_s) const noexcept;
+  [[nodiscard]] double time_of(std::uint32_t cycle) const noexcept {
+    return cycle * inputs.bank.sample_time_s;
+  }
+  /// Cycles 0 .. cycle_count-1: from 0 to duration_s, both included.
+  [[nodiscard]] std::uint32_t cycle_count() const noexcept { return cycle_count_; }
+
+  /// Ends the run early and says why.
+  void stop(StopReason reason) { stop_reason_ = std::move(reason); }
+
+  const BenchInputs& inputs;
+  const BenchOptions& options;
+  StopSignal stop_signal;
+  Endpoints buses;
+  PlantNode plant;
+  ControllerNode controller;
+  DiagnosisNode diagnosis;
+  RunPublisher publisher;
+  RunHistory history;
+
+ private:
+  /// Counters as they stand, from the buses and from what came by here.
+  [[nodiscard]] RunCounters counters_now() const;
+
+  std::chrono::steady_clock::time_point start_, next_flush_, next_progress_, next_repeat_;
+  std::int64_t start_utime_;
+  std::uint32_t cycle_count_;
+  RunCounters seen_;  ///< of truths and records
+  std::int64_t next_stats_utime_;
+  int signal_ = 0;
+  std::optional<StopReason> stop_reason_;
+};
+
+/// Cycle k+1 begins when the commands of cycle k are complete: as fast as the machine can, on any
+/// bus, and equal to the bit on all of them. One thread.
+void run_lock_step(BenchRun& run);
+
+/// Cycles begin at absolute deadlines; plant, controller and diagnosis have a thread each, the
+/// calling thread publishes.
+void run_realtime(BenchRun& run);
+
+}  // namespace faultline

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "diagnosis/bank/bank.h"
+#include "diagnosis/runtime/decision.h"
+#include "drivers/can/can_frame.h"
+
+namespace faultline {
+
+/// All that the diagnosis knows after one sample. Sized once by the bank; copying between records
+/// of one bank does not allocate.
+struct DiagnosisRecord {
+  explicit DiagnosisRecord(const Bank& bank);
+
+  std::uint32_t cycle = 0;
+  std::uint32_t command_cycle = 0;
+  std::uint32_t flags = 0;  ///< SampleFlag bits
+  Timestamp stamp{};        ///< receive time of the frame that closed the sample
+  std::vector<double> y, u;
+  std::vector<std::uint8_t> y_is_fresh, u_is_fresh;
+  std::vector<double> residual;     ///< rows of all filters, stacked
+  std::vector<double> evaluation;   ///< per filter
+  std::vector<std::uint8_t> fired;  ///< per filter
+  Decision decision;                ///< the announced one
+  std::uint32_t since_cycle = 0;    ///< first cycle of the announced decision
+};
+
+/// Where the diagnosis node puts what it received and what it found. Called on the diagnosis
+/// thread.
+class DiagnosisSink {
+ public:
+  virtual ~DiagnosisSink() = default;
+  virtual void on_received(const CanFrame& frame) noexcept = 0;
+  virtual void on_record(const DiagnosisRecord& record) noexcept = 0;
+};
+
+}  // namespace faultline

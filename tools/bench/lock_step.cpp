@@ -1,0 +1,136 @@
+#include <array>
+#include <chrono>
+
+#include <fmt/format.h>
+
+#include "tools/bench/bench_run.h"
+
+namespace faultline {
+namespace {
+
+using std::chrono::steady_clock;
+
+/// Frames read at a time.
+constexpr std::size_t kBatch = 64;
+/// Reading the wall clock costs 25 ns on a host and 13 µs in User Mode Linux: once per so many
+/// cycles.
+constexpr std::uint32_t kCyclesPerAttention = 16;
+/// On a bus between processes of one machine an answer takes microseconds; so long means it is
+/// lost.
+constexpr auto kAnswerTimeout = std::chrono::seconds(2);
+constexpr auto kPollInterval = std::chrono::milliseconds(5);
+
+/// Hands what the diagnosis found straight to the publisher.
+class DirectSink final : public DiagnosisSink {
+ public:
+  explicit DirectSink(BenchRun& run) : run_(&run) {}
+  void set_utime(std::int64_t utime) noexcept { utime_ = utime; }
+  void on_received(const CanFrame& frame) noexcept override {
+    guard([&] { run_->on_frame(frame, utime_); });
+  }
+  void on_record(const DiagnosisRecord& record) noexcept override {
+    guard([&] { run_->on_record(record, utime_); });
+  }
+  /// Rethrows what publishing threw: the node between is noexcept.
+  void rethrow() const {
+    if (error_) std::rethrow_exception(error_);
+  }
+
+ private:
+  template <class Action>
+  void guard(const Action& action) noexcept {
+    if (error_) return;
+    try {
+      action();
+    } catch (...) {
+      error_ = std::current_exception();
+    }
+  }
+
+  BenchRun* run_;
+  std::int64_t utime_ = 0;
+  std::exception_ptr error_;
+};
+
+class LockStep {
+ public:
+  explicit LockStep(BenchRun& run) : run_(run), sink_(run) {}
+
+  void run() {
+    for (std::uint32_t k = 0; k < run_.cycle_count(); ++k) {
+      const double t_s = run_.time_of(k);
+      const std::int64_t utime = run_.utime_of(t_s);
+      sink_.set_utime(utime);
+      if (run_.buses.loop) {
+        run_.buses.loop->set_time(Timestamp(std::chrono::microseconds(utime)));
+      }
+      if (!run_cycle(k, utime)) break;
+      if (k % kCyclesPerAttention == 0 && run_.attend(t_s, utime)) break;
+    }
+    drain_diagnosis(std::chrono::milliseconds(0));
+    run_.diagnosis.finish(sink_);
+    sink_.rethrow();
+  }
+
+ private:
+  /// @return false if the run cannot go on.
+  bool run_cycle(std::uint32_t k, std::int64_t utime) {
+    run_.plant.on_cycle(k, *run_.buses.plant);
+    run_.on_truth(run_.plant.truth(), run_.plant.state(), utime);
+    if (!run_.plant.is_finite()) {
+      run_.stop({StopReason::Kind::kPlant,
+                 fmt::format("the plant diverged: at t = {:.6g} s its state is not finite",
+                             run_.time_of(k))});
+      return false;
+    }
+    if (!await_command(k)) return false;
+    drain_diagnosis(std::chrono::milliseconds(0));
+    sink_.rethrow();
+    return true;
+  }
+
+  bool await_command(std::uint32_t k) {
+    std::chrono::nanoseconds wait{0};
+    std::optional<steady_clock::time_point> deadline;
+    while (!run_.plant.has_command(k)) {
+      const ReceiveResult measured = run_.buses.controller->receive(batch_, wait);
+      for (std::size_t i = 0; i < measured.count; ++i) {
+        run_.controller.on_frame(batch_[i], *run_.buses.controller);
+      }
+      const ReceiveResult commanded =
+          run_.buses.plant->receive(batch_, std::chrono::nanoseconds(0));
+      for (std::size_t i = 0; i < commanded.count; ++i) run_.plant.on_frame(batch_[i]);
+      if (measured.count + commanded.count > 0) continue;
+      wait = kPollInterval;
+      const auto now = steady_clock::now();
+      if (!deadline) deadline = now + kAnswerTimeout;
+      if (now < *deadline) continue;
+      run_.stop({StopReason::Kind::kBus,
+                 fmt::format("no complete command answered cycle {} within {} s: frames are lost, "
+                             "or {} is down",
+                             k, kAnswerTimeout.count(), run_.buses.plant->name())});
+      return false;
+    }
+    return true;
+  }
+
+  void drain_diagnosis(std::chrono::nanoseconds wait) {
+    for (;;) {
+      const ReceiveResult received = run_.buses.diagnosis->receive(batch_, wait);
+      for (std::size_t i = 0; i < received.count; ++i) {
+        run_.diagnosis.on_frame(batch_[i], sink_);
+      }
+      if (received.count < batch_.size()) return;
+    }
+  }
+
+  BenchRun& run_;
+  DirectSink sink_;
+  std::array<CanFrame, kBatch> batch_{};
+};
+
+}  // namespace
+
+void run_lock_step(BenchRun& run) { LockStep(run).run(); }
+
+}  // namespace faultline

@@ -1,0 +1,116 @@
+#include "tools/bench/message_sink.h"
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+#include <fmt/format.h>
+#include <lcm/lcm-cpp.hpp>
+
+namespace faultline {
+namespace {
+
+/// First bytes of every event in an LCM log (lcm/eventlog.c).
+constexpr unsigned char kLogMagic[4] = {0xED, 0xA1, 0xDA, 0x01};
+
+/// Whether `file` may be replaced by a log: absent, empty, a device, or an LCM log.
+bool may_be_replaced(const std::filesystem::path& file) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error)) return true;
+  std::ifstream in(file, std::ios::binary);
+  char first[sizeof kLogMagic] = {};
+  in.read(first, sizeof first);
+  return in.gcount() == 0 ||
+         (in.gcount() == sizeof first && std::memcmp(first, kLogMagic, sizeof first) == 0);
+}
+
+class LogSink final : public MessageSink {
+ public:
+  explicit LogSink(const std::filesystem::path& file) : name_(file.string()) {
+    errno = 0;
+    log_ = lcm_eventlog_create(name_.c_str(), "w");
+    if (log_ == nullptr) fail("cannot open");
+  }
+  ~LogSink() override {
+    if (log_ != nullptr) lcm_eventlog_destroy(log_);
+  }
+  LogSink(const LogSink&) = delete;
+  LogSink& operator=(const LogSink&) = delete;
+
+  void publish(const char* channel, std::int64_t utime,
+               std::span<const std::uint8_t> message) override {
+    lcm_eventlog_event_t event{};
+    event.timestamp = utime;
+    event.channellen = static_cast<std::int32_t>(std::strlen(channel));
+    event.datalen = static_cast<std::int32_t>(message.size());
+    event.channel = const_cast<char*>(channel);
+    event.data = const_cast<std::uint8_t*>(message.data());
+    errno = 0;
+    if (lcm_eventlog_write_event(log_, &event) != 0) fail("cannot write");
+  }
+
+  void flush() override {
+    errno = 0;
+    if (std::fflush(log_->f) != 0) fail("cannot write");
+  }
+
+  void close() override {
+    if (log_ == nullptr) return;
+    flush();
+    lcm_eventlog_destroy(log_);
+    log_ = nullptr;
+  }
+
+ private:
+  [[noreturn]] void fail(const char* what) const {
+    throw MessageSinkError(fmt::format("log {}: {}: {}", name_, what, std::strerror(errno)));
+  }
+
+  std::string name_;
+  lcm_eventlog_t* log_ = nullptr;
+};
+
+class LiveSink final : public MessageSink {
+ public:
+  explicit LiveSink(const std::string& url) : url_(url), lcm_(url) {
+    if (!lcm_.good()) {
+      throw MessageSinkError(fmt::format(
+          "LCM {}: cannot open: expected a URL such as udpm://239.255.76.67:7667?ttl=0 and a "
+          "multicast route; on this machine alone: `ip link set lo up multicast on` and "
+          "`ip route add 224.0.0.0/4 dev lo`",
+          url));
+    }
+  }
+
+  void publish(const char* channel, std::int64_t /*utime*/,
+               std::span<const std::uint8_t> message) override {
+    errno = 0;
+    if (lcm_.publish(channel, message.data(), static_cast<unsigned>(message.size())) != 0) {
+      throw MessageSinkError(
+          fmt::format("LCM {}: cannot send on {}: {}", url_, channel, std::strerror(errno)));
+    }
+  }
+  void flush() override {}
+  void close() override {}
+
+ private:
+  std::string url_;
+  lcm::LCM lcm_;
+};
+
+}  // namespace
+
+std::unique_ptr<MessageSink> open_log(const std::filesystem::path& file) {
+  if (!may_be_replaced(file)) {
+    throw std::invalid_argument(
+        fmt::format("log {}: found a file that is no LCM log, expected none or a log to replace",
+                    file.string()));
+  }
+  return std::make_unique<LogSink>(file);
+}
+
+std::unique_ptr<MessageSink> open_live(const std::string& url) {
+  return std::make_unique<LiveSink>(url);
+}
+
+}  // namespace faultline

@@ -1,0 +1,87 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "diagnosis/bank/bank.h"
+#include "sim/fault_schedule.h"
+#include "tools/bench/diagnosis_record.h"
+#include "tools/bench/scenario.h"
+
+namespace faultline {
+
+/// A verdict in words: the announced decision from `t_s` on.
+struct VerdictEntry {
+  double t_s = 0.0;
+  Verdict verdict = Verdict::kInhibited;
+  /// isolated: the fault set, sorted; ambiguous: the first of the listed sets is `sets[0]`.
+  std::vector<std::vector<std::string>> sets;
+};
+
+/// A stretch of time in which the same faults were injected, and what the diagnosis made of it.
+struct InjectionOutcome {
+  double from_s = 0.0;
+  double until_s = 0.0;
+  std::vector<std::string> faults{};  ///< sorted; empty: none
+  std::optional<double>
+      detection_delay_s{};  ///< first announced verdict after from_s that is neither
+                            ///< healthy nor inhibited, and not the one before
+  std::optional<double> isolation_delay_s{};  ///< first "isolated" with exactly these faults
+  std::size_t last_verdict = 0;               ///< verdict at its end: index in verdicts()
+};
+
+/// Whether one [[expect]] was met.
+struct ExpectationOutcome {
+  Expectation expectation;
+  bool is_met = false;
+  std::uint64_t samples = 0;                  ///< samples compared
+  std::optional<VerdictEntry> first_unmet{};  ///< first sample that differed
+};
+
+/// Follows a run's records and keeps what the summary tells: changes of the verdict, first
+/// crossings, expectations, delays.
+class RunHistory {
+ public:
+  RunHistory(const Bank& bank, const std::vector<std::vector<std::size_t>>& fault_sets,
+             const Scenario& scenario, const FaultSchedule& schedule);
+
+  void on_record(const DiagnosisRecord& record);
+
+  [[nodiscard]] const std::vector<VerdictEntry>& verdicts() const noexcept { return verdicts_; }
+  /// Per filter: time at which it first fired.
+  [[nodiscard]] const std::vector<std::optional<double>>& first_fired_s() const noexcept {
+    return first_fired_s_;
+  }
+  [[nodiscard]] const std::vector<InjectionOutcome>& injections() const noexcept {
+    return injections_;
+  }
+  /// What became of the expectations; those that no sample reached are not met.
+  [[nodiscard]] std::vector<ExpectationOutcome> expectations() const;
+  [[nodiscard]] bool are_expectations_met() const;
+  [[nodiscard]] std::uint64_t samples() const noexcept { return samples_; }
+
+ private:
+  [[nodiscard]] VerdictEntry entry_of(const Decision& decision, double t_s) const;
+  void follow_injections(bool is_change);
+  void check_expectations();
+
+  const Bank* bank_;
+  const std::vector<std::vector<std::size_t>>* fault_sets_;
+  const FaultSchedule* schedule_;
+  std::vector<VerdictEntry> verdicts_;
+  std::vector<std::optional<double>> first_fired_s_;
+  std::vector<InjectionOutcome> injections_;
+  std::vector<ExpectationOutcome> expectations_;
+  std::optional<Decision> last_decision_;
+  VerdictEntry now_;                  ///< the announced verdict at the current sample
+  std::vector<std::uint8_t> active_;  ///< per injection: acting at the current sample
+  std::vector<std::uint8_t> active_before_;
+  std::uint64_t samples_ = 0;
+};
+
+/// "isolated u2, u3", "ambiguous u1 u2 | u3 u4", "healthy".
+[[nodiscard]] std::string verdict_text(const VerdictEntry& entry);
+
+}  // namespace faultline

@@ -1,0 +1,274 @@
+#include "tools/bench/run_publisher.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <faultline/can_t.hpp>
+#include <faultline/diagnosis_t.hpp>
+#include <faultline/event_t.hpp>
+#include <faultline/residual_t.hpp>
+#include <faultline/run_t.hpp>
+#include <faultline/sample_t.hpp>
+#include <faultline/stats_t.hpp>
+#include <faultline/truth_t.hpp>
+#include <fmt/format.h>
+
+#include "diagnosis/model/digest.h"
+#include "tools/bench/channels.h"
+
+namespace faultline {
+namespace {
+
+/// Payload bytes of one RUN chunk: with its header well below the 65,499 bytes of one datagram.
+constexpr std::size_t kChunkBytes = 32768;
+/// Frames of one CAN batch: 64 frames of 64 bytes and their headers make 5 kB.
+constexpr std::size_t kFramesPerBatch = 64;
+/// Cycles are counted in 32 bits.
+constexpr double kMaxCyclesPerSecond = 4294967295.0;
+
+std::int64_t signed_command_cycle(std::uint32_t command_cycle) {
+  return command_cycle == kNoCommand ? -1 : static_cast<std::int64_t>(command_cycle);
+}
+
+std::int8_t frame_flags(const CanFrame& frame) {
+  int flags = 0;
+  if (frame.is_extended) flags |= can_frame_t::EXTENDED;
+  if (frame.is_fd) flags |= can_frame_t::FD;
+  if (frame.is_bit_rate_switched) flags |= can_frame_t::BIT_RATE_SWITCH;
+  if (frame.is_error_state) flags |= can_frame_t::ERROR_STATE;
+  if (frame.is_remote) flags |= can_frame_t::REMOTE;
+  if (frame.is_error) flags |= can_frame_t::ERROR;
+  return static_cast<std::int8_t>(flags);
+}
+
+std::int64_t as_signed(std::uint64_t count) { return static_cast<std::int64_t>(count); }
+
+}  // namespace
+
+/// One message per channel, reused so that publishing does not allocate once warm; and its next
+/// sequence number.
+struct RunPublisher::Messages {
+  run_t run;
+  can_t can;
+  sample_t sample;
+  residual_t residual;
+  diagnosis_t diagnosis;
+  truth_t truth;
+  event_t event;
+  stats_t stats;
+  std::int64_t run_sequence = 0, can_sequence = 0, sample_sequence = 0, residual_sequence = 0,
+               diagnosis_sequence = 0, truth_sequence = 0, event_sequence = 0, stats_sequence = 0;
+};
+
+RunPublisher::RunPublisher(const BenchInputs& inputs,
+                           std::vector<std::vector<std::size_t>> fault_sets,
+                           std::unique_ptr<MessageSink> log, std::unique_ptr<MessageSink> live)
+    : inputs_(&inputs),
+      fault_sets_(std::move(fault_sets)),
+      log_(std::move(log)),
+      live_(std::move(live)),
+      messages_(std::make_unique<Messages>()),
+      cycles_per_second_(static_cast<std::uint32_t>(
+          std::clamp(std::round(1.0 / inputs.bank.sample_time_s), 1.0, kMaxCyclesPerSecond))) {
+  residual_t& residual = messages_->residual;
+  for (const ResidualFilter& filter : inputs.bank.filters) {
+    residual.threshold.push_back(filter.threshold);
+  }
+  sample_t& sample = messages_->sample;
+  sample.output_count = static_cast<std::int32_t>(inputs.bank.output_names.size());
+  sample.input_count = static_cast<std::int32_t>(inputs.bank.input_names.size());
+  residual.row_count = static_cast<std::int32_t>(inputs.bank.residual_rows());
+  residual.filter_count = static_cast<std::int32_t>(inputs.bank.filters.size());
+  messages_->can.bus = 0;
+  messages_->can.frames.reserve(kFramesPerBatch);
+}
+
+RunPublisher::~RunPublisher() = default;
+
+template <class Message>
+void RunPublisher::publish(const char* channel, std::int64_t& sequence, Message& message) {
+  message.sequence = sequence++;
+  const auto size = static_cast<std::size_t>(message.getEncodedSize());
+  if (buffer_.size() < size) buffer_.resize(size);
+  message.encode(buffer_.data(), 0, static_cast<int>(size));
+  const std::span<const std::uint8_t> encoded(buffer_.data(), size);
+  if (log_) log_->publish(channel, message.utime, encoded);
+  if (live_) live_->publish(channel, message.utime, encoded);
+  ++message_count_;
+}
+
+void RunPublisher::publish_parts(std::int64_t utime) {
+  run_id_ = text_digest(fmt::format("{} {}", inputs_->scenario.name, utime));
+  send_parts(utime, false);
+}
+
+void RunPublisher::repeat_parts(std::int64_t utime) {
+  if (live_) send_parts(utime, true);
+}
+
+void RunPublisher::send_parts(std::int64_t utime, bool live_only) {
+  std::unique_ptr<MessageSink> held;
+  if (live_only) held = std::move(log_);
+  run_t& run = messages_->run;
+  run.run_id = run_id_;
+  for (const RunPart& part : inputs_->parts) {
+    run.utime = utime;
+    run.part = part.part;
+    run.name = part.name;
+    run.digest = text_digest(part.text);
+    const std::size_t chunk_count =
+        std::max<std::size_t>(1, (part.text.size() + kChunkBytes - 1) / kChunkBytes);
+    run.chunk_count = static_cast<std::int32_t>(chunk_count);
+    for (std::size_t chunk = 0; chunk < chunk_count; ++chunk) {
+      const std::string bytes = part.text.substr(chunk * kChunkBytes, kChunkBytes);
+      run.chunk = static_cast<std::int32_t>(chunk);
+      run.byte_count = static_cast<std::int32_t>(bytes.size());
+      run.data.assign(bytes.begin(), bytes.end());
+      publish(kRunChannel, messages_->run_sequence, run);
+    }
+  }
+  if (live_only) log_ = std::move(held);
+}
+
+void RunPublisher::add_frame(const CanFrame& frame, std::int64_t utime) {
+  can_t& can = messages_->can;
+  if (can.frames.size() == kFramesPerBatch) flush_frames();
+  can_frame_t& out = can.frames.emplace_back();
+  out.stamp_ns = frame.stamp.time_since_epoch().count();
+  out.id = static_cast<std::int32_t>(frame.id);
+  out.flags = frame_flags(frame);
+  out.length = static_cast<std::int8_t>(frame.length);
+  out.data.assign(frame.data.begin(), frame.data.begin() + frame.length);
+  can.utime = utime;
+}
+
+void RunPublisher::flush_frames() {
+  can_t& can = messages_->can;
+  if (can.frames.empty()) return;
+  can.first_frame = frame_count_;
+  can.frame_count = static_cast<std::int32_t>(can.frames.size());
+  frame_count_ += can.frame_count;
+  publish(kCanChannel, messages_->can_sequence, can);
+  can.frames.clear();
+}
+
+void RunPublisher::publish_record(const DiagnosisRecord& record, std::int64_t utime) {
+  sample_t& sample = messages_->sample;
+  sample.utime = utime;
+  sample.cycle = record.cycle;
+  sample.command_cycle = signed_command_cycle(record.command_cycle);
+  sample.flags = static_cast<std::int32_t>(record.flags);
+  sample.y = record.y;
+  sample.u = record.u;
+  sample.y_is_fresh = record.y_is_fresh;
+  sample.u_is_fresh = record.u_is_fresh;
+  publish(kSampleChannel, messages_->sample_sequence, sample);
+
+  residual_t& residual = messages_->residual;
+  residual.utime = utime;
+  residual.cycle = record.cycle;
+  residual.residual = record.residual;
+  residual.evaluation = record.evaluation;
+  residual.fired = record.fired;
+  publish(kResidualChannel, messages_->residual_sequence, residual);
+
+  const bool is_due = is_first_record_ || record.decision != last_decision_ ||
+                      record.cycle % cycles_per_second_ == 0;
+  if (!is_due) return;
+  is_first_record_ = false;
+  last_decision_ = record.decision;
+  diagnosis_t& diagnosis = messages_->diagnosis;
+  diagnosis.utime = utime;
+  diagnosis.cycle = record.cycle;
+  diagnosis.since_cycle = record.since_cycle;
+  diagnosis.verdict = verdict_name(record.decision.verdict);
+  diagnosis.set_total = static_cast<std::int32_t>(record.decision.set_count);
+  const std::size_t listed = std::min<std::size_t>(record.decision.set_count, Decision::kMaxListed);
+  diagnosis.set_count = static_cast<std::int32_t>(listed);
+  diagnosis.sets.resize(listed);
+  for (std::size_t i = 0; i < listed; ++i) {
+    fault_set_t& set = diagnosis.sets[i];
+    set.faults.clear();
+    for (const std::size_t fault : fault_sets_[record.decision.sets[i]]) {
+      set.faults.push_back(inputs_->bank.fault_names[fault]);
+    }
+    set.fault_count = static_cast<std::int32_t>(set.faults.size());
+  }
+  publish(kDiagnosisChannel, messages_->diagnosis_sequence, diagnosis);
+}
+
+void RunPublisher::publish_truth(const PlantTruth& truth, const Eigen::VectorXd& x,
+                                 std::int64_t utime) {
+  const double t_s = truth.cycle * inputs_->bank.sample_time_s;
+  const std::vector<Injection>& injections = inputs_->schedule.injections();
+  bool is_due = is_first_truth_ || truth.cycle % cycles_per_second_ == 0;
+  last_activity_.resize(injections.size(), 0.0);
+  for (std::size_t i = 0; i < injections.size(); ++i) {
+    const double a = activity(injections[i], t_s);
+    is_due = is_due || a != last_activity_[i];
+    last_activity_[i] = a;
+  }
+  if (!is_due) return;
+  is_first_truth_ = false;
+  truth_t& message = messages_->truth;
+  message.utime = utime;
+  message.cycle = truth.cycle;
+  message.faults.clear();
+  for (std::size_t i = 0; i < injections.size(); ++i) {
+    const Injection& injection = injections[i];
+    const double a = last_activity_[i];
+    if (a == 0.0) continue;
+    injected_fault_t& fault = message.faults.emplace_back();
+    fault.target = injection.target;
+    fault.kind = injection_kind_name(injection.kind);
+    fault.value = injection.kind == InjectionKind::kGain ? 1.0 + a * (injection.value - 1.0)
+                                                         : a * injection.value;
+  }
+  message.fault_count = static_cast<std::int32_t>(message.faults.size());
+  message.x.assign(x.data(), x.data() + x.size());
+  message.state_count = static_cast<std::int32_t>(x.size());
+  publish(kTruthChannel, messages_->truth_sequence, message);
+}
+
+void RunPublisher::publish_event(std::int64_t cycle, const std::string& severity,
+                                 const std::string& source, const std::string& text,
+                                 std::int64_t utime) {
+  event_t& event = messages_->event;
+  event.utime = utime;
+  event.cycle = cycle;
+  event.severity = severity;
+  event.source = source;
+  event.text = text;
+  publish(kEventChannel, messages_->event_sequence, event);
+}
+
+void RunPublisher::publish_stats(const RunCounters& counters, std::int64_t cycle,
+                                 std::int64_t utime) {
+  stats_t& stats = messages_->stats;
+  stats.utime = utime;
+  stats.cycle = cycle;
+  stats.frames_sent = as_signed(counters.frames_sent);
+  stats.send_errors = as_signed(counters.send_errors);
+  stats.frames_received = as_signed(counters.frames_received);
+  stats.frames_dropped = as_signed(counters.frames_dropped);
+  stats.samples = as_signed(counters.samples);
+  stats.bad_samples = as_signed(counters.bad_samples);
+  stats.late_cycles = as_signed(counters.late_cycles);
+  stats.overruns = as_signed(counters.overruns);
+  stats.records_dropped = as_signed(counters.records_dropped);
+  stats.resets = as_signed(counters.resets);
+  stats.stage_count = 0;
+  publish(kStatsChannel, messages_->stats_sequence, stats);
+}
+
+void RunPublisher::flush() {
+  if (log_) log_->flush();
+  if (live_) live_->flush();
+}
+
+void RunPublisher::close() {
+  if (log_) log_->close();
+  if (live_) live_->close();
+}
+
+}  // namespace faultline

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "diagnosis/bank/bank.h"
+#include "drivers/can/can_bus.h"
+#include "drivers/can/can_frame.h"
+#include "drivers/signal/sampler.h"
+#include "sim/fault_schedule.h"
+#include "sim/plant_node.h"
+#include "tools/bench/bench_inputs.h"
+#include "tools/bench/diagnosis_record.h"
+#include "tools/bench/message_sink.h"
+
+namespace faultline {
+
+/// Counters of a run, for STATS and the summary. Only grow.
+struct RunCounters {
+  std::uint64_t cycles = 0;
+  std::uint64_t frames_sent = 0;  ///< by plant and controller
+  std::uint64_t send_errors = 0;
+  std::uint64_t frames_received = 0;  ///< by the diagnosis node
+  std::uint64_t frames_dropped = 0;
+  std::uint64_t samples = 0;
+  std::uint64_t bad_samples = 0;
+  std::uint64_t resets = 0;
+  std::uint64_t late_cycles = 0;
+  std::uint64_t overruns = 0;
+  std::uint64_t records_dropped = 0;
+  std::uint64_t clamped_values = 0;
+};
+
+/// Encodes everything a run has to say as LCM messages and hands them to its sinks. Each channel
+/// counts its messages. Times are given by the caller: µs since 1970. Not for the diagnosis thread.
+class RunPublisher {
+ public:
+  /// @param live_sinks get RUN repeated by `repeat_parts`; `log` (may be null) gets it once.
+  RunPublisher(const BenchInputs& inputs, std::vector<std::vector<std::size_t>> fault_sets,
+               std::unique_ptr<MessageSink> log, std::unique_ptr<MessageSink> live);
+  ~RunPublisher();
+
+  /// RUN: all parts, in chunks, to all sinks.
+  void publish_parts(std::int64_t utime);
+  /// RUN again, to live LCM only, for those who joined late.
+  void repeat_parts(std::int64_t utime);
+
+  /// CAN: collects frames; sends a batch when it is full.
+  void add_frame(const CanFrame& frame, std::int64_t utime);
+  /// CAN: sends what is collected.
+  void flush_frames();
+
+  /// SAMPLE, RESIDUAL, and DIAGNOSIS when due.
+  void publish_record(const DiagnosisRecord& record, std::int64_t utime);
+  /// TRUTH, when due. `x` is the absolute state.
+  void publish_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime);
+  void publish_event(std::int64_t cycle, const std::string& severity, const std::string& source,
+                     const std::string& text, std::int64_t utime);
+  void publish_stats(const RunCounters& counters, std::int64_t cycle, std::int64_t utime);
+
+  /// Hands what was written to the kernel.
+  void flush();
+  /// Flushes and closes all sinks. @throws MessageSinkError.
+  void close();
+
+  /// Messages published so far, all channels.
+  [[nodiscard]] std::uint64_t message_count() const noexcept { return message_count_; }
+
+ private:
+  struct Messages;
+  template <class Message>
+  void publish(const char* channel, std::int64_t& sequence, Message& message);
+  void send_parts(std::int64_t utime, bool live_only);
+
+  const BenchInputs* inputs_;
+  std::vector<std::vector<std::size_t>> fault_sets_;
+  std::unique_ptr<MessageSink> log_, live_;
+  std::unique_ptr<Messages> messages_;
+  std::vector<std::uint8_t> buffer_;
+  std::string run_id_;
+  std::uint32_t cycles_per_second_;
+  std::int64_t frame_count_ = 0;
+  bool is_first_record_ = true;
+  Decision last_decision_;
+  bool is_first_truth_ = true;
+  std::vector<double> last_activity_;
+  std::uint64_t message_count_ = 0;
+};
+
+}  // namespace faultline

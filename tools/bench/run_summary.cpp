@@ -1,0 +1,163 @@
+#include "tools/bench/run_summary.h"
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+namespace faultline {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json seconds_or_null(const std::optional<double>& value_s) {
+  return value_s ? Json(*value_s) : Json(nullptr);
+}
+
+Json verdict_json(const VerdictEntry& entry) {
+  Json json{{"t_s", entry.t_s}, {"verdict", verdict_name(entry.verdict)}};
+  json["faults"] = entry.verdict == Verdict::kIsolated ? Json(entry.sets.front()) : Json::array();
+  if (entry.verdict == Verdict::kAmbiguous) json["candidates"] = entry.sets;
+  return json;
+}
+
+Json expectation_json(const ExpectationOutcome& outcome) {
+  Json json{{"from_s", outcome.expectation.from_s},
+            {"until_s", outcome.expectation.until_s},
+            {"verdict", verdict_name(outcome.expectation.verdict)},
+            {"faults", outcome.expectation.faults},
+            {"met", outcome.is_met},
+            {"samples", outcome.samples}};
+  if (outcome.first_unmet) json["first_unmet"] = verdict_json(*outcome.first_unmet);
+  return json;
+}
+
+std::string delay_text(const std::optional<double>& delay_s) {
+  return delay_s ? fmt::format("{:.0f} ms", *delay_s * 1e3) : "-";
+}
+
+std::string injected_text(const InjectionOutcome& outcome) {
+  return outcome.faults.empty() ? "none" : fmt::format("{}", fmt::join(outcome.faults, ", "));
+}
+
+std::string expectation_text(const ExpectationOutcome& outcome) {
+  const Expectation& expectation = outcome.expectation;
+  std::string text =
+      fmt::format("{} {:g} .. {:g} s  {}", outcome.is_met ? "met    " : "NOT MET",
+                  expectation.from_s, expectation.until_s, verdict_name(expectation.verdict));
+  if (!expectation.faults.empty()) {
+    text += fmt::format(" {}", fmt::join(expectation.faults, ", "));
+  }
+  if (outcome.first_unmet) {
+    text += fmt::format("; found {} at {:g} s", verdict_text(*outcome.first_unmet),
+                        outcome.first_unmet->t_s);
+  } else if (outcome.samples == 0) {
+    text += "; the run had no sample there";
+  }
+  return text;
+}
+
+void print_injections(std::FILE* out, const RunHistory& history) {
+  fmt::print(out, "\n  {:>19}   {:<16} {:<28} {:>9} {:>9}\n", "time, s", "injected", "diagnosed",
+             "detected", "isolated");
+  for (const InjectionOutcome& outcome : history.injections()) {
+    fmt::print(out, "  {:>8.2f} .. {:>7.2f}   {:<16} {:<28} {:>9} {:>9}\n", outcome.from_s,
+               outcome.until_s, injected_text(outcome),
+               verdict_text(history.verdicts()[outcome.last_verdict]),
+               outcome.faults.empty() ? "" : delay_text(outcome.detection_delay_s),
+               outcome.faults.empty() ? "" : delay_text(outcome.isolation_delay_s));
+  }
+}
+
+void print_residuals(std::FILE* out, const Bank& bank, const RunHistory& history) {
+  fmt::print(out, "\n  residual  ignores      first fired\n");
+  for (std::size_t i = 0; i < bank.filters.size(); ++i) {
+    std::vector<std::string> ignored;
+    for (const std::size_t fault : bank.filters[i].ignores) {
+      ignored.push_back(bank.fault_names[fault]);
+    }
+    const auto& first_s = history.first_fired_s()[i];
+    fmt::print(out, "  {:<9} {:<12} {}\n", bank.filters[i].name,
+               fmt::format("{}", fmt::join(ignored, ", ")),
+               first_s ? fmt::format("{:.3f} s", *first_s) : "never");
+  }
+}
+
+}  // namespace
+
+void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions& options,
+                   const BenchResult& result) {
+  const RunCounters& counters = result.counters;
+  fmt::print(out, "{} on {}, {}: {} samples in {:.2f} s ({:.0f} per second)\n",
+             inputs.scenario.name, options.bus, options.is_realtime ? "real time" : "lock-step",
+             counters.samples, result.wall_s,
+             static_cast<double>(counters.samples) / result.wall_s);
+  print_injections(out, result.history);
+  print_residuals(out, inputs.bank, result.history);
+  fmt::print(out,
+             "\n  frames   sent {}, received by the diagnosis {}, dropped {}, send errors {}\n"
+             "  cycles   {}, late {}, overruns {}\n"
+             "  samples  {}, bad {}\n",
+             counters.frames_sent, counters.frames_received, counters.frames_dropped,
+             counters.send_errors, counters.cycles, counters.late_cycles, counters.overruns,
+             counters.samples, counters.bad_samples);
+  if (counters.clamped_values > 0) {
+    fmt::print(out, "  WARNING  {} values did not fit their signals and were sent clamped\n",
+               counters.clamped_values);
+  }
+  if (counters.records_dropped > 0) {
+    fmt::print(out, "  WARNING  {} samples are missing in log and summary: the queue was full\n",
+               counters.records_dropped);
+  }
+  fmt::print(out, "  log      {}\n", options.log ? options.log->string() : "none");
+  const auto expectations = result.history.expectations();
+  if (!expectations.empty()) fmt::print(out, "\n  expectations\n");
+  for (const ExpectationOutcome& outcome : expectations) {
+    fmt::print(out, "  {}\n", expectation_text(outcome));
+  }
+  if (result.stop_reason) fmt::print(out, "\n  STOPPED: {}\n", result.stop_reason->text);
+  if (result.is_interrupted) fmt::print(out, "\n  STOPPED by signal {}\n", result.signal);
+}
+
+nlohmann::ordered_json summary_json(const BenchInputs& inputs, const BenchOptions& options,
+                                    const BenchResult& result) {
+  const RunCounters& counters = result.counters;
+  const RunHistory& history = result.history;
+  Json json{{"scenario", inputs.scenario.name},    {"bus", options.bus},
+            {"realtime", options.is_realtime},     {"samples", counters.samples},
+            {"bad_samples", counters.bad_samples}, {"wall_s", result.wall_s}};
+  json["verdicts"] = Json::array();
+  for (const VerdictEntry& entry : history.verdicts()) {
+    json["verdicts"].push_back(verdict_json(entry));
+  }
+  json["injections"] = Json::array();
+  for (const InjectionOutcome& outcome : history.injections()) {
+    json["injections"].push_back(
+        {{"from_s", outcome.from_s},
+         {"until_s", outcome.until_s},
+         {"faults", outcome.faults},
+         {"detection_delay_s", seconds_or_null(outcome.detection_delay_s)},
+         {"isolation_delay_s", seconds_or_null(outcome.isolation_delay_s)}});
+  }
+  json["residuals"] = Json::object();
+  for (std::size_t i = 0; i < inputs.bank.filters.size(); ++i) {
+    json["residuals"][inputs.bank.filters[i].name] = {
+        {"first_fired_s", seconds_or_null(history.first_fired_s()[i])}};
+  }
+  json["frames"] = {{"sent", counters.frames_sent},
+                    {"received", counters.frames_received},
+                    {"dropped", counters.frames_dropped},
+                    {"send_errors", counters.send_errors}};
+  json["cycles"] = {
+      {"total", counters.cycles}, {"late", counters.late_cycles}, {"overruns", counters.overruns}};
+  json["clamped_values"] = counters.clamped_values;
+  json["records_dropped"] = counters.records_dropped;
+  json["log"] = options.log ? Json(options.log->string()) : Json(nullptr);
+  json["expect"] = {{"met", history.are_expectations_met()}, {"items", Json::array()}};
+  for (const ExpectationOutcome& outcome : history.expectations()) {
+    json["expect"]["items"].push_back(expectation_json(outcome));
+  }
+  json["interrupted"] = result.is_interrupted;
+  json["stopped"] = result.stop_reason ? Json(result.stop_reason->text) : Json(nullptr);
+  return json;
+}
+
+}  // namespace faultline

@@ -1,0 +1,171 @@
+#include "tools/bench/scenario.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "diagnosis/model/toml_reader.h"
+#include "tools/bench/endpoints.h"
+
+namespace faultline {
+namespace {
+
+/// Thirty years: microseconds since 1970 and nanoseconds of run time stay far within 64 bits.
+constexpr double kMaxDuration_s = 1e9;
+
+double positive(TomlTable& table, std::string_view key) {
+  const double value = table.number(key);
+  if (value <= 0.0) {
+    throw table.error(key, fmt::format("found {}, expected a positive number", value));
+  }
+  return value;
+}
+
+double not_negative(const TomlTable& table, std::string_view key, double value) {
+  if (value < 0.0) {
+    throw table.error(key, fmt::format("found {}, expected zero or more seconds", value));
+  }
+  return value;
+}
+
+ControllerSpec read_controller(TomlTable table) {
+  ControllerSpec spec;
+  const std::string kind = table.choice("kind", {"lqr", "gain", "none"});
+  if (kind == "lqr") {
+    spec.kind = ControllerKind::kLqr;
+    spec.Q = table.optional_matrix("Q", -1, -1);
+    spec.R = table.optional_matrix("R", -1, -1);
+  } else if (kind == "gain") {
+    spec.kind = ControllerKind::kGain;
+    spec.K = table.matrix("K", -1, -1);
+  }
+  spec.feedforward = table.optional_vector("feedforward", -1);
+  return spec;
+}
+
+Injection read_injection(TomlTable table) {
+  Injection injection;
+  injection.target = table.string("target");
+  injection.kind = table.choice("kind", {"bias", "gain"}) == "bias" ? InjectionKind::kBias
+                                                                    : InjectionKind::kGain;
+  injection.value = table.number("value");
+  injection.at_s = not_negative(table, "at_s", table.number("at_s"));
+  injection.until_s = table.optional_number("until_s");
+  if (injection.until_s && *injection.until_s <= injection.at_s) {
+    throw table.error("until_s", fmt::format("found {}, expected more than at_s = {}",
+                                             *injection.until_s, injection.at_s));
+  }
+  injection.ramp_s = not_negative(table, "ramp_s", table.optional_number("ramp_s").value_or(0.0));
+  if (table.has("period_s")) injection.period_s = positive(table, "period_s");
+  return injection;
+}
+
+Expectation read_expectation(TomlTable table, double duration_s) {
+  Expectation expectation;
+  expectation.from_s = not_negative(table, "from_s", table.number("from_s"));
+  expectation.until_s = table.number("until_s");
+  if (expectation.until_s < expectation.from_s) {
+    throw table.error("until_s", fmt::format("found {}, expected at least from_s = {}",
+                                             expectation.until_s, expectation.from_s));
+  }
+  if (expectation.from_s > duration_s) {
+    throw table.error("from_s", fmt::format("found {}, expected at most duration_s = {}",
+                                            expectation.from_s, duration_s));
+  }
+  const std::string verdict =
+      table.choice("verdict", {"healthy", "isolated", "ambiguous", "unexplained", "inhibited"});
+  for (const Verdict candidate : {Verdict::kHealthy, Verdict::kIsolated, Verdict::kAmbiguous,
+                                  Verdict::kUnexplained, Verdict::kInhibited}) {
+    if (verdict == verdict_name(candidate)) expectation.verdict = candidate;
+  }
+  if (expectation.verdict == Verdict::kIsolated) {
+    expectation.faults = table.strings("faults");
+    if (expectation.faults.empty()) {
+      throw table.error("faults", "found an empty list, expected the isolated faults");
+    }
+    std::sort(expectation.faults.begin(), expectation.faults.end());
+  } else if (table.has("faults")) {
+    throw table.error("faults", fmt::format("found a list, expected none: only the verdict "
+                                            "\"isolated\" names faults, this one is \"{}\"",
+                                            verdict));
+  }
+  return expectation;
+}
+
+ChannelMapping read_mapping(TomlTable& signals, const std::string& channel) {
+  ChannelMapping mapping;
+  if (!signals.is_table(channel)) {
+    mapping.signal = signals.string(channel);
+    return mapping;
+  }
+  TomlTable table = signals.table(channel);
+  mapping.signal = table.string("signal");
+  mapping.scale = table.optional_number("scale").value_or(1.0);
+  if (mapping.scale == 0.0) throw table.error("scale", "found 0, expected a non-zero factor");
+  mapping.offset = table.optional_number("offset").value_or(0.0);
+  if (const auto sign = table.optional_integer("sign")) {
+    if (*sign != 1 && *sign != -1) {
+      throw table.error("sign", fmt::format("found {}, expected 1 or -1", *sign));
+    }
+    mapping.scale *= static_cast<double>(*sign);
+  }
+  return mapping;
+}
+
+}  // namespace
+
+Scenario read_scenario(const std::filesystem::path& file) {
+  TomlTable root = TomlTable::read_file(file);
+  const std::filesystem::path folder = file.parent_path();
+  Scenario scenario;
+  scenario.file = file;
+  scenario.text = root.text();
+  if (const auto schema = root.integer("schema"); schema != 1) {
+    throw root.error("schema", fmt::format("found {}, expected 1", schema));
+  }
+  scenario.name = root.string("name");
+  scenario.plant = folder / root.string("plant");
+  scenario.bank = folder / root.string("bank");
+  scenario.dbc = folder / root.string("dbc");
+  if (const auto bus = root.optional_string("bus")) {
+    if (!is_bus_name(*bus)) {
+      throw root.error("bus",
+                       fmt::format("found \"{}\", expected \"loop\" or \"can:IFACE\"", *bus));
+    }
+    scenario.bus = *bus;
+  }
+  scenario.duration_s = positive(root, "duration_s");
+  if (scenario.duration_s > kMaxDuration_s) {
+    throw root.error("duration_s", fmt::format("found {}, expected at most {}", scenario.duration_s,
+                                               kMaxDuration_s));
+  }
+  scenario.seed = root.optional_integer("seed").value_or(1);
+  scenario.initial_state = root.optional_vector("initial_state", -1);
+  scenario.is_initial_state_known = root.optional_boolean("initial_state_known").value_or(false);
+  if (auto controller = root.optional_table("controller")) {
+    scenario.controller = read_controller(*controller);
+  }
+  for (const TomlTable& table : root.tables("fault")) {
+    scenario.injections.push_back(read_injection(table));
+  }
+  for (const TomlTable& table : root.tables("expect")) {
+    scenario.expectations.push_back(read_expectation(table, scenario.duration_s));
+  }
+  if (auto signals = root.optional_table("signals")) {
+    for (const std::string& channel : signals->keys()) {
+      scenario.signals.emplace(channel, read_mapping(*signals, channel));
+    }
+  }
+  root.finish();
+  return scenario;
+}
+
+SourcePosition position_in(const Scenario& scenario, std::string_view table, std::string_view key,
+                           std::optional<std::size_t> entry) {
+  TomlTable root = TomlTable::parse(scenario.text, scenario.file.string());
+  if (table.empty()) return root.error(key, "").position();
+  if (entry) return root.tables(table).at(*entry).error(key, "").position();
+  return root.table(table).error(key, "").position();
+}
+
+}  // namespace faultline

@@ -1,0 +1,209 @@
+#include <filesystem>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#include <CLI/App.hpp>
+#include <CLI/Validators.hpp>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "diagnosis/bank/bank_file.h"
+#include "diagnosis/design/bank_request.h"
+#include "diagnosis/model/plant_file.h"
+#include "diagnosis/model/toml_reader.h"
+#include "drivers/dbc/dbc_parser.h"
+#include "tools/bank_print.h"
+#include "tools/bench/scenario.h"
+#include "tools/cli.h"
+#include "tools/replay/log_info.h"
+
+namespace faultline {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json info_of_bank(const std::filesystem::path& file, std::FILE* out) {
+  const Bank bank = read_bank(file);
+  fmt::print(out, "{}: bank \"{}\" for plant \"{}\" ({})\n", file.string(), bank.name,
+             bank.plant_name, bank.plant_digest);
+  print_bank(out, bank);
+  return Json::parse(bank_text(bank));
+}
+
+Json info_of_plant(const std::filesystem::path& file, std::FILE* out) {
+  const PlantModel plant = read_plant(file);
+  fmt::print(out, "{}: plant \"{}\", {}, {} states, {} inputs, {} outputs\n", file.string(),
+             plant.name, plant.time == TimeDomain::kContinuous ? "continuous" : "discrete",
+             plant.n(), plant.m(), plant.q());
+  fmt::print(out, "  inputs   {}\n  outputs  {}\n  faults   {}\n",
+             fmt::join(plant.input_names, ", "), fmt::join(plant.output_names, ", "),
+             fmt::join(plant.fault_names(), ", "));
+  return {{"kind", "plant"},
+          {"name", plant.name},
+          {"states", plant.state_names},
+          {"inputs", plant.input_names},
+          {"outputs", plant.output_names},
+          {"faults", plant.fault_names()},
+          {"digest", plant_digest(plant)}};
+}
+
+Json info_of_request(const std::filesystem::path& file, std::FILE* out) {
+  const BankRequest request = read_bank_request(file);
+  fmt::print(out,
+             "{}: asks for bank \"{}\" by method {} for plant {}\n  up to {} faults at a time, one "
+             "step every {:g} s; `faultline design {}` makes it\n",
+             file.string(), request.name, request.method, request.plant.string(),
+             request.concurrent, request.sample_time_s, file.string());
+  return {{"kind", "bank_request"},           {"name", request.name},
+          {"method", request.method},         {"plant", request.plant.string()},
+          {"concurrent", request.concurrent}, {"sample_time_s", request.sample_time_s}};
+}
+
+Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
+  const Scenario scenario = read_scenario(file);
+  fmt::print(out, "{}: scenario \"{}\", {:g} s\n  plant {}\n  bank  {}\n  dbc   {}\n",
+             file.string(), scenario.name, scenario.duration_s, scenario.plant.string(),
+             scenario.bank.string(), scenario.dbc.string());
+  Json json{{"kind", "scenario"},
+            {"name", scenario.name},
+            {"duration_s", scenario.duration_s},
+            {"plant", scenario.plant.string()},
+            {"bank", scenario.bank.string()},
+            {"dbc", scenario.dbc.string()},
+            {"faults", Json::array()},
+            {"expectations", scenario.expectations.size()}};
+  for (const Injection& injection : scenario.injections) {
+    fmt::print(out, "  fault {:<8} {} {:g} from {:g} s{}\n", injection.target,
+               injection_kind_name(injection.kind), injection.value, injection.at_s,
+               injection.until_s ? fmt::format(" until {:g} s", *injection.until_s) : "");
+    json["faults"].push_back({{"target", injection.target},
+                              {"kind", injection_kind_name(injection.kind)},
+                              {"value", injection.value},
+                              {"at_s", injection.at_s}});
+  }
+  for (const Expectation& expectation : scenario.expectations) {
+    fmt::print(out, "  expects {} {} from {:g} to {:g} s\n", verdict_name(expectation.verdict),
+               fmt::join(expectation.faults, ", "), expectation.from_s, expectation.until_s);
+  }
+  return json;
+}
+
+Json info_of_toml(const std::filesystem::path& file, std::FILE* out) {
+  const TomlTable root = TomlTable::read_file(file);
+  if (root.has("dynamics")) return info_of_plant(file, out);
+  if (root.has("method")) return info_of_request(file, out);
+  if (root.has("duration_s")) return info_of_scenario(file, out);
+  throw root.error("",
+                   "found none of the keys dynamics, method, duration_s, expected a plant, a "
+                   "bank request or a scenario");
+}
+
+Json info_of_dbc(const std::filesystem::path& file, std::FILE* out) {
+  const DbcDatabase dbc = read_dbc(file);
+  fmt::print(out, "{}: {} messages\n", file.string(), dbc.messages.size());
+  Json json{{"kind", "dbc"}, {"messages", Json::array()}, {"warnings", Json::array()}};
+  for (const DbcMessage& message : dbc.messages) {
+    fmt::print(out, "  0x{:0{}X} {} [{}]\n", message.id, message.is_extended ? 8 : 3, message.name,
+               message.length);
+    Json signals = Json::array();
+    for (const DbcSignal& signal : message.signals) {
+      fmt::print(out, "    {:<20} {:>3} bits at {:>3}, factor {:g}, offset {:g} {}\n", signal.name,
+                 signal.bit_count, signal.start_bit, signal.factor, signal.offset, signal.unit);
+      signals.push_back({{"name", signal.name},
+                         {"start_bit", signal.start_bit},
+                         {"bits", signal.bit_count},
+                         {"factor", signal.factor},
+                         {"offset", signal.offset},
+                         {"unit", signal.unit}});
+    }
+    json["messages"].push_back({{"name", message.name},
+                                {"id", message.id},
+                                {"extended", message.is_extended},
+                                {"length", message.length},
+                                {"signals", signals}});
+  }
+  for (const DbcWarning& warning : dbc.warnings) {
+    fmt::print(out, "  warning {}:{}:{}: {}\n", file.string(), warning.position.line,
+               warning.position.column, warning.text);
+    json["warnings"].push_back({{"line", warning.position.line},
+                                {"column", warning.position.column},
+                                {"text", warning.text}});
+  }
+  return json;
+}
+
+Json info_of_log(const std::filesystem::path& file, std::FILE* out) {
+  const LogInfo info = read_log_info(file);
+  fmt::print(out, "{}: {} messages in {:.3f} s\n", file.string(), info.messages, info.duration_s);
+  Json json{{"kind", "log"},
+            {"messages", info.messages},
+            {"duration_s", info.duration_s},
+            {"undecodable", info.undecodable},
+            {"channels", Json::object()},
+            {"parts", Json::array()},
+            {"verdicts", Json::array()}};
+  for (const auto& [name, channel] : info.channels) {
+    fmt::print(out, "  {:<22} {:>9} messages {:>12} bytes{}\n", name, channel.messages,
+               channel.bytes,
+               channel.missing > 0 ? fmt::format("  {} MISSING", channel.missing) : "");
+    json["channels"][name] = {
+        {"messages", channel.messages}, {"bytes", channel.bytes}, {"missing", channel.missing}};
+  }
+  for (const LogInfo::Part& part : info.parts) {
+    fmt::print(out, "  {:<12} {} ({}){}\n", part.part, part.name, part.digest,
+               part.is_complete ? "" : " INCOMPLETE");
+    json["parts"].push_back({{"part", part.part},
+                             {"name", part.name},
+                             {"digest", part.digest},
+                             {"complete", part.is_complete}});
+  }
+  for (const LogInfo::VerdictChange& change : info.verdicts) {
+    std::vector<std::string> sets;
+    for (const auto& set : change.sets) sets.push_back(fmt::format("{}", fmt::join(set, ", ")));
+    fmt::print(out, "  {:>10.3f} s  {} {}\n", change.t_s, change.verdict, fmt::join(sets, " | "));
+    json["verdicts"].push_back({{"cycle", change.cycle},
+                                {"t_s", change.t_s},
+                                {"verdict", change.verdict},
+                                {"sets", change.sets}});
+  }
+  if (info.undecodable > 0) {
+    fmt::print(out, "  {} messages on our channels are not of our types\n", info.undecodable);
+  }
+  return json;
+}
+
+int info(const std::string& name, const std::string& json_target) {
+  const std::filesystem::path file(name);
+  std::FILE* out = human_output(json_target);
+  const std::string extension = file.extension().string();
+  Json json;
+  if (extension == ".dbc") {
+    json = info_of_dbc(file, out);
+  } else if (extension == ".json") {
+    json = info_of_bank(file, out);
+  } else if (extension == ".toml") {
+    json = info_of_toml(file, out);
+  } else {
+    json = info_of_log(file, out);
+  }
+  if (!json_target.empty()) write_json(json, json_target);
+  return kExitYes;
+}
+
+}  // namespace
+
+void add_info_command(CLI::App& program, int& exit_code) {
+  CLI::App* command = program.add_subcommand(
+      "info", "Tell what a file is: plant, bank request, bank, scenario, DBC or LCM log");
+  auto file = std::make_shared<std::string>();
+  auto json_target = std::make_shared<std::string>();
+  command->add_option("FILE", *file, ".toml, .bank.json, .dbc; anything else is read as an LCM log")
+      ->required()
+      ->check(CLI::ExistingFile);
+  add_json_option(*command, *json_target);
+  command->footer(kExitCodesHelp);
+  command->callback([file, json_target, &exit_code] { exit_code = info(*file, *json_target); });
+}
+
+}  // namespace faultline

@@ -1,0 +1,134 @@
+#include "tools/replay/log_info.h"
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <set>
+#include <stdexcept>
+#include <system_error>
+
+#include <faultline/can_t.hpp>
+#include <faultline/diagnosis_t.hpp>
+#include <faultline/event_t.hpp>
+#include <faultline/residual_t.hpp>
+#include <faultline/run_t.hpp>
+#include <faultline/sample_t.hpp>
+#include <faultline/stats_t.hpp>
+#include <faultline/truth_t.hpp>
+#include <fmt/format.h>
+#include <lcm/lcm-cpp.hpp>
+
+#include "tools/bench/channels.h"
+
+namespace faultline {
+namespace {
+
+constexpr unsigned char kLogMagic[4] = {0xED, 0xA1, 0xDA, 0x01};
+
+void check_is_log(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in || std::filesystem::is_directory(file)) {
+    throw std::system_error(in ? EISDIR : errno, std::generic_category(),
+                            "cannot read " + file.string());
+  }
+  char first[sizeof kLogMagic] = {};
+  in.read(first, sizeof first);
+  if (in.gcount() != sizeof first || std::memcmp(first, kLogMagic, sizeof first) != 0) {
+    throw std::invalid_argument(
+        fmt::format("{}: found no LCM event at its start, expected an LCM log", file.string()));
+  }
+}
+
+class InfoReader {
+ public:
+  void take(const lcm::LogEvent& event) {
+    if (info_.messages++ == 0) first_utime_ = event.timestamp;
+    info_.duration_s = static_cast<double>(event.timestamp - first_utime_) * 1e-6;
+    LogInfo::Channel& channel = info_.channels[event.channel];
+    ++channel.messages;
+    channel.bytes += static_cast<std::uint64_t>(event.datalen);
+    if (event.channel == kRunChannel) {
+      take_as<run_t>(event, channel, [this](const run_t& run) { take_run(run); });
+    } else if (event.channel == kDiagnosisChannel) {
+      take_as<diagnosis_t>(event, channel, [this, &event](const diagnosis_t& diagnosis) {
+        take_diagnosis(diagnosis, event.timestamp);
+      });
+    } else if (event.channel == kCanChannel) {
+      take_as<can_t>(event, channel, [](const can_t&) {});
+    } else if (event.channel == kSampleChannel) {
+      take_as<sample_t>(event, channel, [](const sample_t&) {});
+    } else if (event.channel == kResidualChannel) {
+      take_as<residual_t>(event, channel, [](const residual_t&) {});
+    } else if (event.channel == kTruthChannel) {
+      take_as<truth_t>(event, channel, [](const truth_t&) {});
+    } else if (event.channel == kEventChannel) {
+      take_as<event_t>(event, channel, [](const event_t&) {});
+    } else if (event.channel == kStatsChannel) {
+      take_as<stats_t>(event, channel, [](const stats_t&) {});
+    }
+  }
+
+  LogInfo finish() {
+    for (LogInfo::Part& part : info_.parts) {
+      part.is_complete =
+          static_cast<std::int32_t>(chunks_[part.part].size()) == chunk_counts_[part.part];
+    }
+    return std::move(info_);
+  }
+
+ private:
+  template <class Message, class Action>
+  void take_as(const lcm::LogEvent& event, LogInfo::Channel& channel, const Action& action) {
+    Message message;
+    if (message.decode(event.data, 0, event.datalen) < 0) {
+      ++info_.undecodable;
+      return;
+    }
+    const auto expected = next_sequence_.find(event.channel);
+    if (expected != next_sequence_.end() && message.sequence > expected->second) {
+      channel.missing += static_cast<std::uint64_t>(message.sequence - expected->second);
+    }
+    next_sequence_[event.channel] = message.sequence + 1;
+    action(message);
+  }
+
+  void take_run(const run_t& run) {
+    if (chunks_.find(run.part) == chunks_.end()) {
+      info_.parts.push_back({run.part, run.name, run.digest, false});
+      chunk_counts_[run.part] = run.chunk_count;
+    }
+    chunks_[run.part].insert(run.chunk);
+  }
+
+  void take_diagnosis(const diagnosis_t& diagnosis, std::int64_t utime) {
+    std::vector<std::vector<std::string>> sets;
+    for (const fault_set_t& set : diagnosis.sets) sets.push_back(set.faults);
+    if (!info_.verdicts.empty() && info_.verdicts.back().verdict == diagnosis.verdict &&
+        info_.verdicts.back().sets == sets) {
+      return;
+    }
+    info_.verdicts.push_back({diagnosis.cycle, static_cast<double>(utime - first_utime_) * 1e-6,
+                              diagnosis.verdict, std::move(sets)});
+  }
+
+  LogInfo info_;
+  std::int64_t first_utime_ = 0;
+  std::map<std::string, std::int64_t> next_sequence_;
+  std::map<std::string, std::set<std::int32_t>> chunks_;
+  std::map<std::string, std::int32_t> chunk_counts_;
+};
+
+}  // namespace
+
+LogInfo read_log_info(const std::filesystem::path& file) {
+  check_is_log(file);
+  lcm::LogFile log(file.string(), "r");
+  if (!log.good()) {
+    throw std::system_error(errno, std::generic_category(), "cannot read " + file.string());
+  }
+  InfoReader reader;
+  while (const lcm::LogEvent* event = log.readNextEvent()) reader.take(*event);
+  return reader.finish();
+}
+
+}  // namespace faultline

@@ -1,0 +1,143 @@
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include <unistd.h>
+
+#include <CLI/App.hpp>
+#include <CLI/Validators.hpp>
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "tools/bench/bench.h"
+#include "tools/bench/run_summary.h"
+#include "tools/cli.h"
+
+namespace faultline {
+namespace {
+
+struct RunArguments {
+  std::string scenario, bus, log, json, lcm_url;
+  bool is_realtime = false;
+  bool has_no_log = false;
+  bool is_quiet = false;
+};
+
+/// Live progress on stderr: one line kept up to date on a terminal, elsewhere a line per change of
+/// the verdict. Nobody reading it does not stop the run.
+class Progress {
+ public:
+  void show(double t_s, double duration_s, const std::string& verdict) {
+    if (is_terminal_) {
+      write(fmt::format("\r\x1b[K  {:8.2f} / {:.2f} s  {}", t_s, duration_s, verdict));
+    } else if (verdict != last_verdict_) {
+      write(fmt::format("  {:8.2f} / {:.2f} s  {}\n", t_s, duration_s, verdict));
+    }
+    last_verdict_ = verdict;
+  }
+  void clear() const {
+    if (is_terminal_) write("\r\x1b[K");
+  }
+
+ private:
+  static void write(const std::string& text) { std::fputs(text.c_str(), stderr); }
+
+  bool is_terminal_ = ::isatty(STDERR_FILENO) == 1;
+  std::string last_verdict_;
+};
+
+/// `name` with everything that a file name had better not contain replaced.
+std::string as_file_name(std::string name) {
+  constexpr std::string_view kPlain =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-.";
+  for (char& character : name) {
+    if (kPlain.find(character) == std::string_view::npos) character = '_';
+  }
+  constexpr std::size_t kMaxLength = 100;  // leaves room for date and number: names end at 255
+  name.resize(std::min(name.size(), kMaxLength));
+  return name;
+}
+
+/// ./faultline-logs/NAME-20261122T140112.lcm: a new file for each run.
+std::filesystem::path default_log(const std::string& scenario_name) {
+  const std::filesystem::path folder = "faultline-logs";
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) {
+    throw OutputError(fmt::format("cannot make folder {} for the log: {} (--log FILE or --no-log)",
+                                  folder.string(), error.message()));
+  }
+  const std::string stem = fmt::format("{}-{:%Y%m%dT%H%M%S}", as_file_name(scenario_name),
+                                       fmt::localtime(std::time(nullptr)));
+  std::filesystem::path file = folder / (stem + ".lcm");
+  for (int i = 2; std::filesystem::exists(file); ++i) {
+    file = folder / fmt::format("{}-{}.lcm", stem, i);
+  }
+  return file;
+}
+
+int answer(const BenchResult& result) {
+  if (result.is_interrupted) return kExitSignal + result.signal;
+  if (result.stop_reason) {
+    return result.stop_reason->kind == StopReason::Kind::kBus ? kExitFailure : kExitNo;
+  }
+  return result.history.are_expectations_met() ? kExitYes : kExitNo;
+}
+
+int run(const RunArguments& arguments) {
+  const BenchInputs inputs = load_bench_inputs(arguments.scenario);
+  BenchOptions options;
+  options.bus = arguments.bus.empty() ? inputs.scenario.bus : arguments.bus;
+  options.is_realtime = arguments.is_realtime;
+  if (!arguments.lcm_url.empty()) options.lcm_url = arguments.lcm_url;
+  if (!arguments.log.empty()) {
+    options.log = arguments.log;
+  } else if (!arguments.has_no_log) {
+    options.log = default_log(inputs.scenario.name);
+  }
+  Progress progress;
+  if (!arguments.is_quiet) {
+    options.on_progress = [&progress](double t_s, double duration_s, const std::string& verdict) {
+      progress.show(t_s, duration_s, verdict);
+    };
+  }
+  const BenchResult result = run_bench(inputs, options);
+  if (!arguments.is_quiet) progress.clear();
+  print_summary(human_output(arguments.json), inputs, options, result);
+  if (!arguments.json.empty()) write_json(summary_json(inputs, options, result), arguments.json);
+  return answer(result);
+}
+
+}  // namespace
+
+void add_run_command(CLI::App& program, int& exit_code) {
+  CLI::App* command = program.add_subcommand(
+      "run", "Run a scenario: plant, controller and diagnosis on one bus; write an LCM log");
+  auto arguments = std::make_shared<RunArguments>();
+  command->add_option("SCENARIO", arguments->scenario, "Scenario file (.toml)")
+      ->required()
+      ->check(CLI::ExistingFile);
+  command->add_option(
+      "--bus", arguments->bus,
+      "loop (in-process) or can:IFACE (SocketCAN); default: the scenario's, else loop");
+  command->add_flag("--realtime", arguments->is_realtime,
+                    "Cycles at absolute deadlines; default: lock-step, as fast as the machine can");
+  auto* log = command->add_option(
+      "--log", arguments->log,
+      "LCM log to write; default: a new file in ./faultline-logs. An existing log is replaced");
+  command->add_flag("--no-log", arguments->has_no_log, "Write no log")->excludes(log);
+  command->add_option("--lcm", arguments->lcm_url,
+                      "Also publish live, e.g. udpm://239.255.76.67:7667?ttl=0");
+  command->add_flag("-q,--quiet", arguments->is_quiet, "No progress on stderr");
+  add_json_option(*command, arguments->json);
+  command->footer(kExitCodesHelp);
+  command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
+}
+
+}  // namespace faultline
