@@ -3,19 +3,9 @@
 #include <algorithm>
 #include <cassert>
 
+#include "drivers/signal/cycle_counter.h"
+
 namespace faultline {
-namespace {
-
-/// The 32-bit counter nearest to `near` whose low `bits` bits are `low`.
-std::uint32_t unwrap(std::uint32_t low, std::uint32_t bits, std::uint32_t near) noexcept {
-  if (bits >= 32) return low;
-  const std::uint32_t modulus = 1u << bits;
-  const std::uint32_t ahead = (low - near) & (modulus - 1);
-  return ahead < modulus / 2 ? near + ahead : near + ahead - modulus;
-}
-
-}  // namespace
-
 MessageAssembler::MessageAssembler(const std::vector<MappedMessage>& messages,
                                    std::size_t channel_count)
     : messages_(&messages) {
@@ -49,7 +39,7 @@ std::optional<std::uint32_t> MessageAssembler::push(const CanFrame& frame,
     if (message.cycle) {
       std::int64_t low = 0;
       if (message.cycle->decode_raw(frame.payload(), low) != CodecStatus::kOk) return std::nullopt;
-      counter = unwrap(static_cast<std::uint32_t>(low), message.cycle->bit_count(), near);
+      counter = unwrap_cycle(static_cast<std::uint32_t>(low), message.cycle->bit_count(), near);
     }
     Slot& slot = open(counter);
     if (slot.seen[i] != 0) return std::nullopt;

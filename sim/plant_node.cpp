@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "drivers/signal/cycle_counter.h"
 namespace faultline {
 
 PlantNode::PlantNode(const PlantModel& model, const SignalMap& map, const FaultSchedule& schedule,
@@ -43,8 +44,7 @@ void PlantNode::on_cycle(std::uint32_t k, FrameSink& sink) noexcept {
 void PlantNode::on_frame(const CanFrame& frame) noexcept {
   const auto completed = commands_.push(frame, cycle_);
   if (!completed) return;
-  if (newest_command_ == kNoCommand ||
-      static_cast<std::int32_t>(*completed - newest_command_) > 0) {
+  if (newest_command_ == kNoCommand || cycles_ahead(*completed, newest_command_) > 0) {
     newest_command_ = *completed;
     const std::span<const double> command = commands_.values(*completed);
     std::copy(command.begin(), command.end(), u_.begin());

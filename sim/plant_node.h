@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 
 #include "drivers/can/can_bus.h"
+#include "drivers/signal/cycle_counter.h"
 #include "drivers/signal/signal_map.h"
 #include "sim/fault_schedule.h"
 #include "sim/message_assembler.h"
@@ -36,7 +37,7 @@ class PlantNode {
 
   /// True when the answer to cycle k is complete: the next cycle of a lock-step run may begin.
   [[nodiscard]] bool has_command(std::uint32_t k) const noexcept {
-    return newest_command_ != kNoCommand && static_cast<std::int32_t>(newest_command_ - k) >= 0;
+    return newest_command_ != kNoCommand && cycles_ahead(newest_command_, k) >= 0;
   }
   [[nodiscard]] const PlantTruth& truth() const noexcept { return truth_; }
   /// Absolute state at the start of the last cycle.

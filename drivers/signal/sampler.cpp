@@ -4,6 +4,8 @@
 #include <array>
 #include <vector>
 
+#include "drivers/signal/cycle_counter.h"
+
 namespace faultline {
 namespace {
 
@@ -11,18 +13,6 @@ namespace {
 /// found by the low bits of the cycle, which wrap without a seam at 2^32.
 constexpr std::uint32_t kOpenCycles = 128;
 static_assert(kOpenCycles > Sampler::kMaxGap + 2);
-
-/// a - b for counters that wrap at 2^32: how far a is ahead.
-std::int32_t ahead(std::uint32_t a, std::uint32_t b) noexcept {
-  return static_cast<std::int32_t>(a - b);
-}
-
-/// The number nearest to `near` whose low `bits` are those of `counter`.
-std::uint32_t unwrap(std::uint32_t counter, std::uint32_t bits, std::uint32_t near) noexcept {
-  if (bits >= 32) return counter;
-  const std::uint32_t least = near - (1u << (bits - 1));
-  return least + ((counter - least) & ((1u << bits) - 1));
-}
 
 /// What is known of one open cycle.
 struct CycleSlot {
@@ -258,8 +248,8 @@ void Sampler::State::push_command(std::size_t message, const CanFrame& frame) no
     return;
   }
   const std::uint32_t counter =
-      unwrap(static_cast<std::uint32_t>(low_bits), codec.bit_count(), newest);
-  const bool is_closed = has_closed_command && ahead(counter, closed_command) <= 0;
+      unwrap_cycle(static_cast<std::uint32_t>(low_bits), codec.bit_count(), newest);
+  const bool is_closed = has_closed_command && cycles_ahead(counter, closed_command) <= 0;
   CommandSlot* const known = find_command(counter);
   if (known == nullptr && (is_closed || is_command_overtaken(counter))) {
     ++counters.late_frames;
@@ -314,8 +304,8 @@ bool Sampler::State::find_sensor_cycle(std::size_t message, const CanFrame& fram
   if (!is_cycle_counted) {
     // We count: a message that comes again, or after its cycle has closed, begins the next cycle.
     const CycleSlot* const slot = is_started ? find_cycle(newest) : nullptr;
-    const bool is_next =
-        is_started && (ahead(next, newest) > 0 || (slot != nullptr && slot->arrived[message] != 0));
+    const bool is_next = is_started && (cycles_ahead(next, newest) > 0 ||
+                                        (slot != nullptr && slot->arrived[message] != 0));
     cycle = is_next ? newest + 1 : newest;
     return true;
   }
@@ -331,7 +321,7 @@ bool Sampler::State::find_sensor_cycle(std::size_t message, const CanFrame& fram
   }
   const std::uint32_t bits = std::min<std::uint32_t>(codec->bit_count(), 32);
   const std::uint32_t near = is_started ? newest : 1u << (bits - 1);  // the first: 0 .. 2^bits - 1
-  cycle = unwrap(static_cast<std::uint32_t>(low_bits), bits, near);
+  cycle = unwrap_cycle(static_cast<std::uint32_t>(low_bits), bits, near);
   return true;
 }
 
@@ -343,7 +333,7 @@ bool Sampler::State::advance_to(std::uint32_t cycle, bool may_reset) noexcept {
     start_at(cycle);
     return true;
   }
-  const std::int32_t step = ahead(cycle, newest);
+  const std::int32_t step = cycles_ahead(cycle, newest);
   const bool is_far =
       step > static_cast<std::int32_t>(kMaxGap) || step < -static_cast<std::int32_t>(kMaxBack);
   if (is_far && may_reset) {
@@ -356,11 +346,11 @@ bool Sampler::State::advance_to(std::uint32_t cycle, bool may_reset) noexcept {
     ++counters.ignored_frames;
     return false;
   }
-  if (ahead(cycle, next) < 0 && is_joining) {
+  if (cycles_ahead(cycle, next) < 0 && is_joining) {
     ++counters.ignored_frames;  // of a cycle that began before we listened
     return false;
   }
-  if (ahead(cycle, next) < 0) {
+  if (cycles_ahead(cycle, next) < 0) {
     ++counters.late_frames;
     pending_flags |= kSampleLate;
     return false;
@@ -401,7 +391,7 @@ CycleSlot* Sampler::State::find_cycle(std::uint32_t cycle) noexcept {
 /// True if the slot of command `counter` belongs to a newer command.
 bool Sampler::State::is_command_overtaken(std::uint32_t counter) const noexcept {
   const CommandSlot& slot = commands[counter % kCommandDepth];
-  return slot.is_used && ahead(slot.counter, counter) > 0;
+  return slot.is_used && cycles_ahead(slot.counter, counter) > 0;
 }
 
 CommandSlot& Sampler::State::open_command(std::uint32_t counter) noexcept {
@@ -435,7 +425,7 @@ const Sample* Sampler::State::take() noexcept {
 bool Sampler::State::must_close() const noexcept {
   // Without counters there is no telling frames of two cycles apart, so that only one is open.
   const std::int32_t lead = is_finished ? 0 : is_cycle_counted ? 2 : 1;
-  return ahead(newest, next) >= lead;
+  return cycles_ahead(newest, next) >= lead;
 }
 
 /// Skips the next cycle if it is one of the first, and not complete.
