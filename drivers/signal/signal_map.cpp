@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -53,6 +54,7 @@ std::string nearest_names(std::string_view wanted, std::vector<std::string> name
   std::stable_sort(names.begin(), names.end(), [&](const std::string& a, const std::string& b) {
     return edit_distance(wanted, a) < edit_distance(wanted, b);
   });
+  if (names.empty()) return {};
   names.erase(std::unique(names.begin(), names.end()), names.end());
   names.resize(std::min(names.size(), kShownNames));
   while (names.size() > 1 && edit_distance(wanted, names.back()) > wanted.size() / 2) {
@@ -117,6 +119,7 @@ class SignalMapBuilder {
   void map_side(Side side);
   [[nodiscard]] PlacedSignal find_signal(const std::string& channel,
                                          const std::string& signal_name) const;
+  [[noreturn]] void fail_missing(const std::string& channel, const std::string& signal_name) const;
   [[nodiscard]] std::vector<PlacedSignal> find_candidates(std::string_view name) const;
   [[nodiscard]] std::vector<std::string> signal_names(bool with_message) const;
   void require_usable(const std::string& channel, const PlacedSignal& placed) const;
@@ -220,14 +223,36 @@ std::vector<std::string> SignalMapBuilder::signal_names(bool with_message) const
   return names;
 }
 
+/// Points at the signal with the nearest name, or at the start of a DBC without signals.
+void SignalMapBuilder::fail_missing(const std::string& channel,
+                                    const std::string& signal_name) const {
+  const bool with_message = signal_name.find('.') != std::string::npos;
+  DbcPosition position;
+  std::size_t least = std::numeric_limits<std::size_t>::max();
+  for (const DbcMessage& message : dbc_.messages) {
+    for (const DbcSignal& signal : message.signals) {
+      const PlacedSignal placed{&message, &signal};
+      const std::size_t distance =
+          edit_distance(signal_name, with_message ? placed.full_name() : signal.name);
+      if (distance >= least) continue;
+      least = distance;
+      position = signal.position;
+    }
+  }
+  const std::string nearest = nearest_names(signal_name, signal_names(with_message));
+  const std::string text =
+      fmt::format("{}:{}:{}: channel \"{}\": found no signal \"{}\"{}, expected one of that name",
+                  dbc_.source, position.line, position.column, channel, signal_name,
+                  nearest.empty() ? "" : fmt::format(" (the nearest: {})", nearest));
+  throw SignalMapError(text, mappings_.contains(channel) ? channel : "");
+}
+
 PlacedSignal SignalMapBuilder::find_signal(const std::string& channel,
                                            const std::string& signal_name) const {
   const std::vector<PlacedSignal> candidates = find_candidates(signal_name);
   if (candidates.size() == 1) return candidates.front();
   if (candidates.empty()) {
-    const bool with_message = signal_name.find('.') != std::string::npos;
-    fail(fmt::format("channel \"{}\": found no signal \"{}\"; the nearest: {}", channel,
-                     signal_name, nearest_names(signal_name, signal_names(with_message))));
+    fail_missing(channel, signal_name);
   }
   std::vector<std::string> full_names;
   full_names.reserve(candidates.size());
@@ -366,7 +391,8 @@ void SignalMapBuilder::require_distinct_identifiers() const {
     const auto [owner, is_new] =
         names.emplace(std::pair{message.is_extended, message.id}, message.name);
     if (!is_new) {
-      fail(fmt::format("messages {} and {} have the same identifier {}", owner->second,
+      fail(dbc_.find_message(message.name)->position,
+           fmt::format("messages {} and {} have the same identifier {}", owner->second,
                        message.name, message.id));
     }
   };

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "drivers/can/can_bus.h"
@@ -18,11 +19,17 @@
 
 namespace faultline {
 
-/// The DBC does not carry what the channels need. The message names the channel, the DBC (with line
-/// where there is one), what was found and what was expected.
+/// The DBC does not carry what the channels need. The message names the DBC with line and column
+/// (of the nearest signal where one is missing), the channel, what was found and what was expected.
 class SignalMapError : public std::runtime_error {
  public:
-  using std::runtime_error::runtime_error;
+  explicit SignalMapError(const std::string& text, std::string mapped_channel = {})
+      : std::runtime_error(text), mapped_channel_(std::move(mapped_channel)) {}
+  /// The channel whose mapping asks for what is not there; empty if no mapping is to blame.
+  [[nodiscard]] const std::string& mapped_channel() const noexcept { return mapped_channel_; }
+
+ private:
+  std::string mapped_channel_;
 };
 
 /// How a channel of the plant is found on the bus: channel = sign·scale·signal + offset.

@@ -607,14 +607,15 @@ class BadInput(FolderTest):
         self.refuse("bench.dbc", ["Sensors1", "cycle", "sync", "expected"], ("BO_ 272 Sensors1", "BO_ §272 Sensors1"))
 
     def test_a_channel_that_the_dbc_lacks(self):
-        self.refuse("bench.dbc", ['"y3"', "no signal", '"yy3"'], (" SG_ y3 :", " SG_ yy3 :"))
+        self.refuse("bench.dbc", ['"y3"', "no signal", '"yy3"'], (" SG_ y3 :", " SG_ yy3 :"),
+                    place="bench.dbc:18:6:")  # of three signals one letter away, the first
         self.refuse("plant.toml", ['"y4"', "no signal", '"y1"'], ('["y1", "y2", "y3"]', '["y1", "y2", "y4"]'),
-                    place="bench.dbc:")
+                    place="bench.dbc:18:6:")
         self.refuse("s.toml", ['"y1"', 'no signal "Sensors1.y7"', '"Sensors1.y1"'],
-                    ("seed   = 1", 'seed   = 1\n[signals]\ny1 = "Sensors1.y7"'), place="bench.dbc:")
+                    ("seed   = 1", 'seed   = 1\n[signals]\ny1 = ¶"Sensors1.y7"'))
 
     def test_two_messages_with_one_identifier(self):
-        self.refuse("bench.dbc", ["Sensors1", "Sensors2", "272"], ("BO_ 273 Sensors2", "BO_ 272 Sensors2"))
+        self.refuse("bench.dbc", ["Sensors1", "Sensors2", "272"], ("BO_ 273 Sensors2", "BO_ §272 Sensors2"))
 
     def use_bank_file(self):
         self.run_ok("design", "bank.toml", "-o", "b.bank.json")

@@ -171,6 +171,17 @@ void check_controller_shape(const Scenario& scenario, const char* key,
                              matrix.cols(), rows, cols));
 }
 
+/// A mapping that names no signal of the DBC is the scenario's mistake: the message points there.
+SignalMap map_signals(const Scenario& scenario, const DbcDatabase& dbc, const PlantModel& plant) {
+  try {
+    return make_signal_map(dbc, plant.output_names, plant.input_names, scenario.signals);
+  } catch (const SignalMapError& error) {
+    if (error.mapped_channel().empty()) throw;
+    throw error_in(scenario, position_in(scenario, "signals", error.mapped_channel()),
+                   fmt::format("signals: {}", error.what()));
+  }
+}
+
 /// [signals] may map channels only. What they are mapped to, make_signal_map checks.
 void check_mapped_channels(const Scenario& scenario, const PlantModel& plant) {
   std::vector<std::string> channels = plant.output_names;
@@ -252,7 +263,7 @@ BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
   const DbcDatabase dbc = read_dbc(require_file(scenario, "dbc", scenario.dbc));
   parts.push_back({"dbc", scenario.dbc.filename().string(), read_text(scenario.dbc)});
   check_mapped_channels(scenario, plant);
-  SignalMap map = make_signal_map(dbc, plant.output_names, plant.input_names, scenario.signals);
+  SignalMap map = map_signals(scenario, dbc, plant);
   check_cycles_can_be_told(dbc, map);
   FaultSchedule schedule = make_schedule(scenario, plant);
   require_file(scenario, "bank", scenario.bank);

@@ -194,11 +194,30 @@ TEST(SyncMessage, CarriesThirtyTwoBitsOfCycleAndCommandCycle) {
 
 TEST(SignalMapErrors, SuggestTheNearestNames) {
   EXPECT_EQ(error_of(bench(), {"torque_lft"}, {}, {}),
-            "bench.dbc: channel \"torque_lft\": found no signal \"torque_lft\"; the nearest: "
-            "\"torque_left\"");
+            "bench.dbc:18:6: channel \"torque_lft\": found no signal \"torque_lft\" (the nearest: "
+            "\"torque_left\"), expected one of that name");
   EXPECT_EQ(error_of(bench(), {"y2"}, {}, {{"y2", {"Sensor_A.y2", 1.0, 0.0}}}),
-            "bench.dbc: channel \"y2\": found no signal \"Sensor_A.y2\"; the nearest: "
-            "\"Sensors_A.y2\", \"Sensors_A.y1\", \"Sensors_B.y3\"");
+            "bench.dbc:6:6: channel \"y2\": found no signal \"Sensor_A.y2\" (the nearest: "
+            "\"Sensors_A.y2\", \"Sensors_A.y1\", \"Sensors_B.y3\"), expected one of that name");
+}
+
+TEST(SignalMapErrors, NameTheChannelWhoseMappingIsToBlame) {
+  const auto mapped_channel =
+      [](const std::map<std::string, ChannelMapping, std::less<>>& mappings) {
+        try {
+          static_cast<void>(make_signal_map(bench(), {"y9"}, {}, mappings));
+        } catch (const SignalMapError& error) {
+          return error.mapped_channel();
+        }
+        return std::string("accepted");
+      };
+  EXPECT_EQ(mapped_channel({{"y9", {"Sensors_A.y9", 1.0, 0.0}}}), "y9");
+  EXPECT_EQ(mapped_channel({}), "");
+}
+
+TEST(SignalMapErrors, PointAtTheStartOfADbcWithoutSignals) {
+  EXPECT_EQ(error_of(parse_dbc("VERSION \"\"\nBS_:\nBU_:\n", "bench.dbc"), {"y1"}, {}, {}),
+            "bench.dbc:1:1: channel \"y1\": found no signal \"y1\", expected one of that name");
 }
 
 TEST(SignalMapErrors, NameAllSignalsThatAChannelCouldBe) {
@@ -290,7 +309,7 @@ TEST(SignalMapErrors, TellOfTwoCountersInAMessage) {
 TEST(SignalMapErrors, TellOfTwoMessagesWithOneIdentifier) {
   const DbcDatabase dbc = bench("BO_ 17 Twin: 8 P\n SG_ y9 : 0|8@1+ (1,0) [0|0] \"\" C\n");
   EXPECT_EQ(error_of(dbc, {"y2", "y9"}, {}, {}),
-            "bench.dbc: messages Sensors_A and Twin have the same identifier 17");
+            "bench.dbc:33:5: messages Sensors_A and Twin have the same identifier 17");
 }
 
 }  // namespace
