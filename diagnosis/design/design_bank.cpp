@@ -391,6 +391,17 @@ void implement(const DesignModel& model, const DesignedResidual& residual, doubl
   filter.K = filter.H * model.D;
 }
 
+bool is_finite(const ResidualFilter& filter) {
+  const FilterCertificate& certificate = filter.certificate;
+  const auto finite = [](double number) { return std::isfinite(number); };
+  return filter.F.allFinite() && filter.E.allFinite() && filter.G.allFinite() &&
+         filter.M.allFinite() && filter.H.allFinite() && filter.K.allFinite() &&
+         finite(certificate.spectral_radius) && finite(certificate.residual_MP_HC) &&
+         finite(certificate.residual_FP_PA_EC) && finite(certificate.leakage_decoupled) &&
+         std::all_of(certificate.dc_gain.begin(), certificate.dc_gain.end(), finite) &&
+         std::all_of(certificate.margin.begin(), certificate.margin.end(), finite);
+}
+
 // First j from which ‖M F^i‖ ρ stays below kForgotten τ for all i >= j, ρ being the largest state
 // error that a bad sample or an unknown start leaves: the channels' ranges themselves, or what E
 // and G make of them.
@@ -463,10 +474,17 @@ class BankDesign {
     } else if (!find_margins(model_, ignores, residual)) {
       report.reason = "it would see no fault";
     } else {
-      report.exists = true;
       complete(report.name, residual);
       find_sensitivities(plant_, model_, ignores, residual);
-      result_.bank.filters.push_back(filter_of(report.name, ignores, residual));
+      ResidualFilter filter = filter_of(report.name, ignores, residual);
+      report.exists = is_finite(filter);
+      if (report.exists) {
+        result_.bank.filters.push_back(std::move(filter));
+      } else {
+        residual.sees.clear();
+        report.reason =
+            "its numbers are not finite: the plant's entries differ too much in size, scale it";
+      }
     }
     note_failures(ignores, residual.sees);
     result_.residuals.push_back(std::move(report));

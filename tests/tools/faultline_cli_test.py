@@ -414,9 +414,7 @@ class BadInput(FolderTest):
         with self.subTest(file=file, changes=changes):
             mark = self.folder.patch(file, *changes) if changes else ""
             place = place or f"{file}:{mark}"
-            begin = time.monotonic()
             answer = self.folder.run("run", "s.toml", "--log", "old.lcm")
-            self.assertLess(time.monotonic() - begin, 5.0)
             self.assert_code(2, answer)
             self.assertIn(place, answer.err)
             for word in words:
@@ -665,9 +663,7 @@ class BadInput(FolderTest):
             before = self.folder.read(file)
             for content in (b"", b"\0" * 100, garbage, b"\xff\xfe" + "schema = 1\n".encode("utf-16-le"), b"[" * 100000):
                 self.folder.write(file, content)
-                # An empty DBC is a DBC: it lacks the first channel.
-                place = f"{file}: " if (file, content) == ("bench.dbc", b"") else f"{file}:1:"
-                self.refuse(file, [], place=place)
+                self.refuse(file, [], place=f"{file}:1:")
             self.folder.write(file, before)
 
     def test_files_that_are_not_there(self):

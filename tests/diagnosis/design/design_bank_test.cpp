@@ -412,6 +412,21 @@ TEST(DesignBank, SaysWhyAResidualDoesNotExist) {
   EXPECT_NE(result.residuals.front().reason, "");
 }
 
+TEST(DesignBank, NeverGivesABankWhoseNumbersOverflow) {
+  for (const double huge : {1e150, 1e300}) {
+    PlantModel plant = hou_plant();
+    plant.B(1, 0) = huge;
+    plant.faults[0].state(1) = huge;
+    const DesignResult result = design_bank(plant, hou_request());
+    for (const ResidualFilter& filter : result.bank.filters) {
+      EXPECT_TRUE(filter.F.allFinite() && filter.E.allFinite() && filter.G.allFinite());
+      EXPECT_TRUE(filter.M.allFinite() && filter.H.allFinite() && filter.K.allFinite());
+    }
+    EXPECT_EQ(parse_bank(bank_text(result.bank), "bank").filters.size(),
+              result.bank.filters.size());
+  }
+}
+
 TEST(DesignBank, RefusesAtTheirPlaceInTheRequest) {
   struct Case {
     std::string from, to, message;
