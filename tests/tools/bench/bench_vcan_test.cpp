@@ -1,8 +1,15 @@
 // Run inside tools/with-vcan: needs vcan0.
+#include <array>
+#include <chrono>
 #include <filesystem>
 
+#include <unistd.h>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/posix/stream_descriptor.hpp>
 #include <gtest/gtest.h>
 
+#include "drivers/can/socketcan_bus.h"
 #include "tests/tools/bench/log_comparison.h"
 #include "tools/bench/bench.h"
 
@@ -50,6 +57,31 @@ TEST(BenchOnVcan, DiagnosesInRealTimeAndAccountsForEveryFrame) {
             result.counters.frames_sent);
   ASSERT_FALSE(result.history.verdicts().empty());
   EXPECT_EQ(verdict_text(result.history.verdicts().back()), "isolated u2, u3");
+}
+
+TEST(SocketCan, IsReadyForAsioWhenAFrameIsThere) {
+  const auto sender = open_socketcan("vcan0");
+  const auto receiver = open_socketcan("vcan0");
+  boost::asio::io_context context(1);
+  // A duplicate: the descriptor closes what it owns.
+  boost::asio::posix::stream_descriptor ready(context, ::dup(receiver->readiness_fd()));
+  std::array<CanFrame, 4> frames{};
+  std::size_t received = 0;
+  ready.async_wait(boost::asio::posix::stream_descriptor::wait_read,
+                   [&](const boost::system::error_code& error) {
+                     ASSERT_FALSE(error);
+                     received = receiver->receive(frames, std::chrono::nanoseconds(0)).count;
+                   });
+  context.poll();
+  EXPECT_EQ(received, 0U);
+  CanFrame frame;
+  frame.id = 0x123;
+  frame.length = 2;
+  frame.data[1] = 7;
+  ASSERT_TRUE(sender->send(frame));
+  context.run_for(std::chrono::seconds(5));
+  ASSERT_EQ(received, 1U);
+  EXPECT_TRUE(same_on_wire(frames[0], frame));
 }
 
 TEST(BenchOnVcan, NamesAnInterfaceThatIsNotThere) {
