@@ -6,6 +6,7 @@
 #include "drivers/signal/cycle_counter.h"
 
 namespace faultline {
+
 MessageAssembler::MessageAssembler(const std::vector<MappedMessage>& messages,
                                    std::size_t channel_count)
     : messages_(&messages) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "drivers/signal/cycle_counter.h"
+
 namespace faultline {
 
 PlantNode::PlantNode(const PlantModel& model, const SignalMap& map, const FaultSchedule& schedule,

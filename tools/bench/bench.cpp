@@ -11,7 +11,7 @@ namespace {
 
 using std::chrono::steady_clock;
 
-/// A killed run loses at most this much of its log.
+/// A killed run loses about this much of its log.
 constexpr auto kFlushPeriod = std::chrono::milliseconds(50);
 constexpr auto kProgressPeriod = std::chrono::milliseconds(100);
 /// Those who join live LCM late wait at most this long for RUN (docs/design.md).

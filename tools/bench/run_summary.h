@@ -16,7 +16,7 @@ namespace faultline {
 void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions& options,
                    const BenchResult& result);
 
-/// The same as data (docs/run-json.md).
+/// The same as data: what `faultline run --json` writes.
 [[nodiscard]] nlohmann::ordered_json summary_json(const BenchInputs& inputs,
                                                   const BenchOptions& options,
                                                   const BenchResult& result);
