@@ -1,5 +1,6 @@
 #include "tools/bench/bank_cache.h"
 
+#include <cstdint>
 #include <cstdlib>
 #include <exception>
 #include <optional>
@@ -35,6 +36,14 @@ void write_cached(const Bank& bank, const std::filesystem::path& file) {
   }
 }
 
+/// Changes with every build of the program: what another build designed is not taken for this one's.
+std::string build_stamp() {
+  std::error_code error;
+  const auto written = std::filesystem::last_write_time("/proc/self/exe", error);
+  const std::int64_t ticks = error ? 0 : written.time_since_epoch().count();
+  return fmt::format("{} {}", kVersion, ticks);
+}
+
 std::string name_sets(const DesignResult& result) {
   std::string text;
   for (const ResidualReport& report : result.residuals) {
@@ -57,7 +66,8 @@ std::filesystem::path bank_cache_folder() {
 }
 
 Bank cached_design(const PlantModel& plant, const BankRequest& request) {
-  const std::string key = text_digest(plant_digest(plant) + '\n' + kVersion + '\n' + request.text);
+  const std::string key =
+      text_digest(fmt::format("{}\n{}\n{}", plant_digest(plant), build_stamp(), request.text));
   const std::filesystem::path folder = bank_cache_folder();
   const std::filesystem::path file = folder / (key + ".bank.json");
   if (!folder.empty()) {

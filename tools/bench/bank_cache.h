@@ -9,7 +9,7 @@
 namespace faultline {
 
 /// The bank that `request` asks for, taken from the cache when the same plant and request were
-/// designed before by this version of the program, else designed and put there.
+/// designed before by this build of the program, else designed and put there.
 /// The cache is $XDG_CACHE_HOME/faultline, or ~/.cache/faultline; a cache that cannot be written or
 /// holds damaged files only costs time.
 /// @throws NotSolvable not every residual exists; InputError as design_bank.
