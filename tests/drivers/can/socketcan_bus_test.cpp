@@ -56,12 +56,16 @@ std::vector<CanFrame> receive(CanBus& bus, std::size_t count) {
   return frames;
 }
 
-/// Reads what is there.
+/// After a flood the kernel delivers what was sent a moment later than `send` returns: a bus on
+/// which nothing has come for so long is quiet.
+constexpr auto kQuiet = 50ms;
+
+/// Reads until the bus is quiet.
 std::vector<CanFrame> drain(CanBus& bus) {
   std::vector<CanFrame> frames;
   std::array<CanFrame, SocketCanBus::kBatch> batch;
   for (;;) {
-    const ReceiveResult result = bus.receive(batch, 0ns);
+    const ReceiveResult result = bus.receive(batch, kQuiet);
     if (result.status != ReceiveStatus::kOk) return frames;
     frames.insert(frames.end(), batch.begin(),
                   batch.begin() + static_cast<std::ptrdiff_t>(result.count));
