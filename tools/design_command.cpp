@@ -58,7 +58,8 @@ Json matrix_json(const Eigen::MatrixXd& matrix) {
   return rows;
 }
 
-void add_filter_json(Json& json, const Bank& bank, const ResidualFilter& filter) {
+void add_filter_json(Json& json, const Bank& bank, const ResidualReport& report,
+                     const ResidualFilter& filter) {
   json["responds_to"] = Json::array();
   json["transient_only"] = Json::array();
   json["margins"] = Json::object();
@@ -67,8 +68,8 @@ void add_filter_json(Json& json, const Bank& bank, const ResidualFilter& filter)
     const std::string& fault = bank.fault_names[j];
     if (filter.sees[j] != Sensitivity::kNone) json["responds_to"].push_back(fault);
     if (filter.sees[j] == Sensitivity::kTransient) json["transient_only"].push_back(fault);
-    json["margins"][fault] = filter.certificate.margin[j];
-    json["dc_gain"][fault] = filter.certificate.dc_gain[j];
+    json["margins"][fault] = report.margin[j];
+    json["dc_gain"][fault] = report.dc_gain[j];
   }
   json["poles"] = Json::array();
   const Eigen::VectorXcd poles = eigenvalues(filter.F);
@@ -77,10 +78,7 @@ void add_filter_json(Json& json, const Bank& bank, const ResidualFilter& filter)
   }
   json["threshold"] = filter.threshold;
   json["forget_samples"] = filter.forget_samples;
-  json["certificate"] = {{"spectral_radius", filter.certificate.spectral_radius},
-                         {"MP_HC", filter.certificate.residual_MP_HC},
-                         {"FP_PA_EC", filter.certificate.residual_FP_PA_EC},
-                         {"leakage_decoupled", filter.certificate.leakage_decoupled}};
+  json["certificate"] = {{"spectral_radius", filter.certificate.spectral_radius}};
 }
 
 Json design_json(const DesignResult& result) {
@@ -106,7 +104,7 @@ Json design_json(const DesignResult& result) {
                   {"rows", report.rows}};
     if (!report.reason.empty()) residual["reason"] = report.reason;
     for (const ResidualFilter& filter : bank.filters) {
-      if (filter.name == report.name) add_filter_json(residual, bank, filter);
+      if (filter.name == report.name) add_filter_json(residual, bank, report, filter);
     }
     json["residuals"].push_back(residual);
   }

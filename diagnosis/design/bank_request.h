@@ -11,11 +11,6 @@
 
 namespace faultline {
 
-enum class DesignDomain {
-  kContinuous,  ///< filter designed on (A, B), then discretised: y by first-order hold, u by ZOH
-  kSampled,     ///< filter designed on the exactly sampled (A_d, B_d)
-};
-
 /// What bank.toml asks for.
 struct BankRequest {
   std::string name;

@@ -20,7 +20,9 @@ struct ResidualReport {
   Eigen::MatrixXd projector_s;    ///< n×n
   Eigen::Index quotient_dim = 0;  ///< n - dim S*
   Eigen::Index rows = 0;          ///< rows of the residual
-  std::string reason;             ///< why it does not exist; empty if it does
+  std::vector<double> margin;  ///< per fault: ‖b_j - Π_S b_j‖ / ‖b_j‖; empty if it has no row
+  std::vector<double> dc_gain;  ///< per fault, per fault size, before discretisation
+  std::string reason;           ///< why it does not exist; empty if it does
 };
 
 /// The answer of a design. "Not solvable" is an answer, not an error.
