@@ -42,7 +42,7 @@ Cost cost_of(const Bank& bank) {
   const auto faults = static_cast<double>(bank.fault_names.size());
   const auto outputs = static_cast<double>(bank.output_names.size());
   Cost cost;
-  cost.doubles = 2.0 * faults * faults + outputs * window * faults;
+  cost.doubles = 2.0 * faults * faults + outputs * (window + 1.0) * faults;
   cost.work = outputs * window * faults * faults;
   for (const ResidualFilter& filter : bank.filters) {
     const auto d = static_cast<double>(filter.F.rows());
@@ -134,7 +134,7 @@ std::string_view estimate_status_text(EstimateStatus status) noexcept {
 }
 
 struct MagnitudeEstimator::State {
-  explicit State(const Bank& bank);
+  State(const Bank& bank, std::span<const double> output_resolution);
   void add_part(const ResidualFilter& filter, MatrixXd& G);
   void project_window() noexcept;
   EstimateStatus solve() noexcept;
@@ -147,29 +147,31 @@ struct MagnitudeEstimator::State {
   Index rows = 0;  // of the residual vector
   Index window = 1;
   std::vector<Part> parts;
-  VectorXd energy;           // per fault: Σ‖S_j‖², before the past is eliminated
-  MatrixXd Gamma, Psi;       // faults × faults
-  double error_gain = 0.0;   // Σ‖ΠT‖²
-  MatrixXd ring;             // rows × window
-  Index next = 0;            // column of the ring that is written next
-  Index filled = 0;          // samples in the ring
+  VectorXd energy;          // per fault: Σ‖S_j‖², before the past is eliminated
+  MatrixXd Gamma, Psi;      // faults × faults
+  MatrixXd Standing;        // faults × outputs: Σ SᵀΠT times one deviation of a constant error
+  double error_gain = 0.0;  // Σ‖ΠT‖²
+  MatrixXd ring;            // rows × window
+  Index next = 0;           // column of the ring that is written next
+  Index filled = 0;         // samples in the ring
   std::uint32_t newest = 0;  // their last cycle
   VectorXd projected;        // Π r of all parts
   VectorXd past;             // Qᵀ r of one part
   // Of the set at hand, in the order of MagnitudeEstimate::faults; scaled by 1/√energy.
   MatrixXd factor;  // Cholesky, lower
-  VectorXd m, column, weighted;
+  VectorXd m, column, standing;
   VectorXd e, e_next, L_m, r;  // for response_delay()
   MagnitudeEstimate estimate;
 };
 
-MagnitudeEstimator::State::State(const Bank& bank) {
+MagnitudeEstimator::State::State(const Bank& bank, std::span<const double> output_resolution) {
   const auto fault_count = static_cast<Index>(bank.fault_names.size());
   const std::size_t set_size = std::min(bank.concurrent, bank.fault_names.size());
   estimate.faults.reserve(set_size);
   estimate.value.reserve(set_size);
   estimate.deviation.reserve(set_size);
   const Cost cost = cost_of(bank);
+  assert(output_resolution.empty() || output_resolution.size() == bank.output_names.size());
   is_too_large = !(cost.doubles <= kMaxDoubles && cost.work <= kMaxWork);
   if (is_too_large) {
     return;
@@ -186,12 +188,20 @@ MagnitudeEstimator::State::State(const Bank& bank) {
     most_rows = std::max(most_rows, filter.H.rows());
   }
   Psi = G.transpose() * G;
+  Standing = MatrixXd::Zero(fault_count, static_cast<Index>(output_resolution.size()));
+  const double uniform_deviation = 1.0 / std::sqrt(12.0);  // of a step of one
+  for (Index t = 0; t < window && !output_resolution.empty(); ++t) {
+    Standing += G.middleRows(t * Standing.cols(), Standing.cols()).transpose();
+  }
+  for (Index c = 0; c < Standing.cols(); ++c) {
+    Standing.col(c) *= output_resolution[static_cast<std::size_t>(c)] * uniform_deviation;
+  }
   ring = MatrixXd::Zero(rows, window);
   projected = VectorXd::Zero(rows * window);
   past = VectorXd::Zero(largest_rank);
   const auto n = static_cast<Index>(set_size);
   factor = MatrixXd::Zero(n, n);
-  m = column = weighted = VectorXd::Zero(n);
+  m = column = standing = VectorXd::Zero(n);
   e = e_next = L_m = VectorXd::Zero(largest_order);
   r = VectorXd::Zero(most_rows);
 }
@@ -329,6 +339,7 @@ double MagnitudeEstimator::State::residual_energy() noexcept {
 void MagnitudeEstimator::State::find_deviations() noexcept {
   const std::vector<std::size_t>& set = estimate.faults;
   const auto n = static_cast<Index>(set.size());
+  const auto fault = [&](Index i) { return static_cast<Index>(set[static_cast<std::size_t>(i)]); };
   double taken = 0.0;  // tr Γ⁻¹Ψ
   for (Index i = 0; i < n; ++i) {
     column.setZero();
@@ -336,26 +347,36 @@ void MagnitudeEstimator::State::find_deviations() noexcept {
     solve_factorised(column);
     double variance = 0.0;  // per σ²
     for (Index a = 0; a < n; ++a) {
-      const auto fault_a = static_cast<Index>(set[static_cast<std::size_t>(a)]);
-      weighted[a] = 0.0;
+      double weighted = 0.0;
       for (Index b = 0; b < n; ++b) {
-        weighted[a] +=
-            Psi(fault_a, static_cast<Index>(set[static_cast<std::size_t>(b)])) * column[b];
+        weighted += Psi(fault(a), fault(b)) * column[b];
       }
-      variance += column[a] * weighted[a];
+      variance += column[a] * weighted;
+      taken += a == i ? weighted : 0.0;
     }
-    taken += weighted[i];
-    estimate.deviation.push_back(std::sqrt(std::max(variance, 0.0)));
+    double standing_variance = 0.0;
+    for (Index c = 0; c < Standing.cols(); ++c) {
+      double effect = 0.0;
+      for (Index a = 0; a < n; ++a) {
+        effect += column[a] * Standing(fault(a), c);
+      }
+      standing_variance += effect * effect;
+    }
+    estimate.deviation.push_back(std::max(variance, 0.0));
+    standing[i] = standing_variance;
   }
   const double left = error_gain - taken;
   const bool is_known = left > kLeastLeft * error_gain;
-  const double sigma = is_known ? std::sqrt(residual_energy() / left) : 0.0;
-  for (double& deviation : estimate.deviation) {
-    deviation = is_known ? sigma * deviation : MagnitudeEstimate::kUnknown;
+  const double sigma_squared = is_known ? residual_energy() / left : 0.0;
+  for (std::size_t i = 0; i < set.size(); ++i) {
+    double& deviation = estimate.deviation[i];  // a variance per σ² until here
+    deviation = is_known ? std::sqrt(sigma_squared * deviation + standing[static_cast<Index>(i)])
+                         : MagnitudeEstimate::kUnknown;
   }
 }
 
-MagnitudeEstimator::MagnitudeEstimator(const Bank& bank) : state_(std::make_unique<State>(bank)) {}
+MagnitudeEstimator::MagnitudeEstimator(const Bank& bank, std::span<const double> output_resolution)
+    : state_(std::make_unique<State>(bank, output_resolution)) {}
 MagnitudeEstimator::~MagnitudeEstimator() = default;
 MagnitudeEstimator::MagnitudeEstimator(MagnitudeEstimator&&) noexcept = default;
 MagnitudeEstimator& MagnitudeEstimator::operator=(MagnitudeEstimator&&) noexcept = default;

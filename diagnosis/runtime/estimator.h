@@ -49,6 +49,10 @@ struct MagnitudeEstimate {
 ///
 ///   cov m = σ² Γ⁻¹ Ψ Γ⁻¹,   σ² = Σ‖Π(r + S m)‖² / (Σ‖ΠT‖² - tr Γ⁻¹Ψ).
 ///
+/// An output that stands still between two steps of its signal errs by a constant, which the fit
+/// takes for a fault and σ² does not know of. So a constant error of each output, uniform over one
+/// step of its resolution, is added to the covariance.
+///
 /// Nothing here allocates after construction. `push` costs one copy of the residuals; `estimate`
 /// one pass over Σ rows·window·(d + faults) numbers: keep it off the diagnosis thread. Use from one
 /// thread.
@@ -62,7 +66,9 @@ class MagnitudeEstimator {
   static constexpr double kMaxWork = 2e9;
 
   /// Beyond these bounds it holds nothing and answers kTooLarge.
-  explicit MagnitudeEstimator(const Bank& bank);
+  /// @param output_resolution per output, in its unit, the step between values it can have; 0 or
+  /// an empty list: as fine as one likes
+  explicit MagnitudeEstimator(const Bank& bank, std::span<const double> output_resolution = {});
   ~MagnitudeEstimator();
   MagnitudeEstimator(MagnitudeEstimator&&) noexcept;
   MagnitudeEstimator& operator=(MagnitudeEstimator&&) noexcept;

@@ -42,6 +42,17 @@ std::int8_t frame_flags(const CanFrame& frame) {
   return static_cast<std::int8_t>(flags);
 }
 
+// Per output: the step between values that its signal can carry; 0 for a float.
+std::vector<double> output_resolution(const BenchInputs& inputs) {
+  std::vector<double> resolution(inputs.bank.output_names.size());
+  for (const MappedMessage& message : inputs.map.sensor_messages) {
+    for (const MappedSignal& signal : message.channels) {
+      resolution[signal.channel] = std::abs(signal.scale) * signal.codec.resolution();
+    }
+  }
+  return resolution;
+}
+
 std::int64_t as_signed(std::uint64_t count) { return static_cast<std::int64_t>(count); }
 
 }  // namespace
@@ -73,7 +84,7 @@ RunPublisher::RunPublisher(const BenchInputs& inputs,
       messages_(std::make_unique<Messages>()),
       cycles_per_second_(static_cast<std::uint32_t>(
           std::clamp(std::round(1.0 / inputs.bank.sample_time_s), 1.0, kMaxCyclesPerSecond))),
-      estimator_(inputs.bank) {
+      estimator_(inputs.bank, output_resolution(inputs)) {
   residual_t& residual = messages_->residual;
   for (const ResidualFilter& filter : inputs.bank.filters) {
     residual.threshold.push_back(filter.threshold);
