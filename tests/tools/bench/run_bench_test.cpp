@@ -1,5 +1,7 @@
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
+#include <string>
 
 #include <faultline/diagnosis_t.hpp>
 #include <faultline/estimate_t.hpp>
@@ -10,6 +12,7 @@
 #include "tests/tools/bench/log_comparison.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/channels.h"
+#include "tools/bench/run_summary.h"
 #include "tools/replay/log_info.h"
 
 namespace faultline {
@@ -168,6 +171,33 @@ TEST(RunBench, SaysThatASignatureIsPartialAndWhoseItCouldBe) {
   EXPECT_EQ(message.cause, "partial");
   EXPECT_EQ(message.set_total, 2);
   EXPECT_TRUE(logged_messages<estimate_t>(file, kEstimateChannel).empty());
+}
+
+std::string summary_text(const BenchInputs& inputs, const BenchResult& result) {
+  BenchOptions options;
+  options.bus = "loop";
+  std::FILE* file = std::tmpfile();
+  print_summary(file, inputs, options, result);
+  std::string text(static_cast<std::size_t>(std::ftell(file)), '\0');
+  std::rewind(file);
+  text.resize(std::fread(text.data(), 1, text.size(), file));
+  std::fclose(file);
+  return text;
+}
+
+TEST(RunBench, SaysThatAnInjectedBiasIsTooSmallToBeIsolated) {
+  BenchInputs inputs = load_bench_inputs(kDemo.parent_path() / "fig06.toml");  // u1 = 0.4
+  for (ResidualFilter& filter : inputs.bank.filters) {
+    filter.certificate.smallest_fault.assign(4, 0.0);
+  }
+  const TemporaryFolder folder;
+  const std::string unknown = summary_text(inputs, run_demo(inputs, folder.path() / "unknown.lcm"));
+  EXPECT_THAT(unknown, testing::Not(testing::HasSubstr("is below")));
+  for (ResidualFilter& filter : inputs.bank.filters) {
+    if (filter.sees[0] == Sensitivity::kSteady) filter.certificate.smallest_fault[0] = 1.66;
+  }
+  const std::string known = summary_text(inputs, run_demo(inputs, folder.path() / "known.lcm"));
+  EXPECT_THAT(known, testing::HasSubstr("u1 0.4 is below 1.66, the smallest that is isolated"));
 }
 
 TEST(RunBench, StopsWhenThePlantDivergesAndSaysWhere) {
