@@ -42,7 +42,7 @@ Cost cost_of(const Bank& bank) {
   const auto faults = static_cast<double>(bank.fault_names.size());
   const auto outputs = static_cast<double>(bank.output_names.size());
   Cost cost;
-  cost.doubles = 2.0 * faults * faults + outputs * (window + 1.0) * faults;
+  cost.doubles = window + 2.0 * faults * faults + outputs * (window + 1.0) * faults;
   cost.work = outputs * window * faults * faults;
   for (const ResidualFilter& filter : bank.filters) {
     const auto d = static_cast<double>(filter.F.rows());

@@ -59,10 +59,10 @@ struct MagnitudeEstimate {
 class MagnitudeEstimator {
  public:
   /// Largest number of doubles it holds: 64 MiB. 120 filters of order 17 with 9 rows and a window
-  /// of 50 need 2 Mi.
+  /// of 50 need 1.7e6.
   static constexpr double kMaxDoubles = 8388608.0;
-  /// Largest number of multiplications its construction may take, about a second. The same bank
-  /// needs 0.1e9.
+  /// Largest number of multiplications its construction may take: a fifth of a second. The same
+  /// bank needs 0.25e9.
   static constexpr double kMaxWork = 2e9;
 
   /// Beyond these bounds it holds nothing and answers kTooLarge.
