@@ -66,6 +66,13 @@ class Run(FolderTest):
         self.assertEqual(run["samples"], 1001)
         self.assertEqual([(verdict["verdict"], verdict["faults"]) for verdict in run["verdicts"]],
                          [("inhibited", []), ("healthy", []), ("isolated", ["u2", "u3"])])
+        isolated = run["verdicts"][-1]
+        self.assertEqual(isolated["cause"], "complete")
+        self.assertAlmostEqual(isolated["onset_s"], 4.0, delta=0.0101)
+        self.assertEqual([estimate["fault"] for estimate in isolated["estimates"]], ["u2", "u3"])
+        for estimate in isolated["estimates"]:
+            self.assertAlmostEqual(estimate["value"], 2.0, delta=2e-3)
+            self.assertGreater(estimate["deviation"], 0.0)
         times = [verdict["t_s"] for verdict in run["verdicts"]]
         self.assertEqual(times, sorted(times))
         self.assertTrue(4.0 < times[-1] < 4.3)
@@ -86,6 +93,17 @@ class Run(FolderTest):
         answer = self.run_ok("run", "demo.toml", "--json", "-")
         self.assertEqual(json.loads(answer.out)["scenario"], "demo")
         self.assertIn("u2, u3", answer.err)
+
+    def test_a_partial_signature_says_whose_it_could_be(self):
+        answer = self.run_ok("run", "marginal_1.toml", "--no-log", "--json", "run.json")
+        self.assertIn("partial signature, could be u1 | u4 below a threshold", answer.out)
+        verdict = json.loads(self.folder.read("run.json"))["verdicts"][-1]
+        self.assertEqual((verdict["verdict"], verdict["cause"], verdict["candidates"]),
+                         ("unexplained", "partial", [["u1"], ["u4"]]))
+
+    def test_the_summary_tells_size_and_onset_of_what_it_isolated(self):
+        self.assertRegex(self.run_ok("run", "demo.toml", "--no-log").out,
+                         r"u2 = \d\.\d+ \+- 0\.\d+, u3 = \d\.\d+ \+- 0\.\d+; onset (3\.99|4|4\.01) s")
 
     def test_progress_shows_the_current_verdict_and_quiet_none(self):
         self.folder.patch("demo.toml", ("duration_s = 10.0", "duration_s = 1000.0"),
@@ -210,8 +228,19 @@ class Log(FolderTest):
         self.assertEqual([residual["cycle"] for residual in messages["FAULTLINE_RESIDUAL"]], list(range(1001)))
         isolated = [message for message in messages["FAULTLINE_DIAGNOSIS"] if message["verdict"] == "isolated"]
         self.assertEqual(isolated[0]["sets"], [{"fault_count": 2, "faults": ["u2", "u3"]}])
+        self.assertEqual(isolated[0]["cause"], "complete")
+        self.assertLessEqual(400, isolated[0]["onset_cycle"])
+        self.assertLess(isolated[0]["onset_cycle"], isolated[0]["since_cycle"])
+        self.assertEqual(messages["FAULTLINE_DIAGNOSIS"][0]["onset_cycle"], -1)
+        estimate = messages["FAULTLINE_ESTIMATE"][-1]
+        self.assertEqual((estimate["fault"], estimate["reason"]), (["u2", "u3"], ""))
+        for value, deviation, bound in zip(estimate["estimate"], estimate["deviation"], estimate["bound"], strict=True):
+            self.assertAlmostEqual(value, 2.0, delta=2e-3)
+            self.assertGreater(deviation, 0.0)
+            self.assertLess(bound, 0.0)
         truth = [message for message in messages["FAULTLINE_TRUTH"] if message["faults"]]
         self.assertEqual(truth[0]["cycle"], 400)
+        self.assertAlmostEqual(estimate["onset_cycle"], truth[0]["cycle"], delta=1)
         self.assertEqual([fault["target"] for fault in truth[0]["faults"]], ["u2", "u3"])
         self.assertEqual(events[-1].channel, "FAULTLINE_STATS")
         stats = messages["FAULTLINE_STATS"][-1]
