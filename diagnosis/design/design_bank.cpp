@@ -397,8 +397,9 @@ bool is_finite(const ResidualFilter& filter) {
 std::uint32_t forget_samples(const PlantModel& plant, const ResidualFilter& filter) {
   const VectorXd bad_sample =
       filter.E.cwiseAbs() * plant.output_range + filter.G.cwiseAbs() * plant.input_range;
+  // A plant need not have inputs.
   const double largest_range =
-      std::max(plant.output_range.maxCoeff(), plant.input_range.maxCoeff());
+      std::max(plant.output_range.maxCoeff(), plant.m() > 0 ? plant.input_range.maxCoeff() : 0.0);
   const double rho = std::max(largest_range, bad_sample.norm());
   const double forgotten = kForgotten * filter.threshold / rho;
   MatrixXd power = MatrixXd::Identity(filter.F.rows(), filter.F.cols());
