@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "diagnosis/certify/balance.h"
 #include "diagnosis/certify/orthogonal.h"

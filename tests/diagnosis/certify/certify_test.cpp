@@ -1,5 +1,6 @@
 #include "diagnosis/certify/certify.h"
 
+#include <array>
 #include <cmath>
 #include <complex>
 #include <numbers>

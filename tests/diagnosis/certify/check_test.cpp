@@ -220,6 +220,20 @@ TEST(CheckBank, FindsNothingWrongWithTheOraclesCases) {
   }
 }
 
+TEST(CheckBank, FindsNothingWrongWithPlantsInAnyUnit) {
+  for (const DesignDomain domain : {DesignDomain::kContinuous, DesignDomain::kSampled}) {
+    for (const double unit : {1e-12, 1e-6, 1e6, 1e12}) {
+      SCOPED_TRACE(unit);
+      CertifyCase random = random_case(test_seed(67), 5, 2, 4, 1, domain);
+      PlantModel& plant = random.plant;
+      plant.B.col(0) *= unit;
+      plant.faults[0].state *= unit;
+      plant.faults[0].size = 1.0 / unit;
+      expect_holds(plant, random.certified());
+    }
+  }
+}
+
 TEST(CheckBank, FindsEveryEntryTamperedWithInHousBank) {
   tamper_with_matrices(hou_plant(), certified_hou());
 }
