@@ -21,12 +21,12 @@ enum class DesignDomain {
   kSampled,     ///< filter designed on the exactly sampled (A_d, B_d)
 };
 
-/// The rank decisions behind a filter: how far they are from flipping. Singular values relative to
-/// the data's scale.
+/// The rank decisions behind a filter: how far they are from flipping. Pivots of orthogonal
+/// decompositions in balanced coordinates, relative to the data's scale.
 struct RankCertificate {
-  std::uint32_t dim_w = 0;       ///< dim W*
-  std::uint32_t dim_s = 0;       ///< dim S*
-  double smallest_kept = 1.0;    ///< smallest singular value that counted as not zero
+  std::uint32_t dim_w = 0;       ///< dim W*; disturbances taken as constant are states, too
+  std::uint32_t dim_s = 0;       ///< dim S*; likewise
+  double smallest_kept = 1.0;    ///< smallest pivot that counted as not zero
   double largest_dropped = 0.0;  ///< largest one that counted as zero
   double tolerance_min = 0.0;    ///< both dimensions are the same for all tolerances from here ..
   double tolerance_max = 0.0;    ///< .. to here, of 1e-12 .. 1e-6
@@ -36,23 +36,30 @@ struct RankCertificate {
 /// inputs, faults and disturbances held over a sample, the filter in its implementation form.
 /// Computed by diagnosis/certify from plant and filter alone. Gains are ‖T(e^jωT)‖₂ of the
 /// residual, with the plant's own steady state at that frequency (it need not be stable: no loop
-/// changes what the plant's inputs and outputs have to do with each other).
+/// changes what the plant's inputs and outputs have to do with each other), over a grid of
+/// frequencies: DC, Nyquist, 40 between in logarithmic steps, the resonances of plant and filter.
 struct FilterCertificate {
   double spectral_radius = 0.0;    ///< of F
   std::vector<double> input_gain;  ///< per input: largest over frequency, per unit; zero but for
                                    ///< rounding where the bank was designed on the sampled plant
   std::vector<double> disturbance_gain;  ///< per disturbance: largest over frequency, per unit; of
                                          ///< those taken as constant: at DC
-  std::vector<double> fault_gain;      ///< per fault: largest over frequency, per fault size; of an
-                                       ///< ignored one: what leaks
-  std::vector<double> dc_gain;         ///< per fault: at DC, per fault size
-  std::vector<double> band_gain;       ///< per fault: smallest from DC to band_Hz, per fault size
-  double band_Hz = 0.0;                ///< of the filter's slowest pole: -ln ρ(F) / (2π T)
-  std::vector<double> margin;          ///< per fault: ‖b_j - Π_S b_j‖ / ‖b_j‖
-  std::vector<double> smallest_fault;  ///< per fault, in its unit: the smallest constant one that
-                                       ///< it fires on; 0: it fires on none
-  std::vector<double>
-      delay_s;  ///< per fault: from the onset of twice that until it fires; 0: never
+  std::vector<double> fault_gain;  ///< per fault: largest over frequency, per fault size; of an
+                                   ///< ignored one: what leaks
+  std::vector<double> dc_gain;     ///< per fault: at DC, per fault size
+  std::vector<double> band_gain;   ///< per fault: smallest from DC to band_Hz, per fault size
+  double band_Hz = 0.0;  ///< of the filter's slowest pole: -ln ρ(F) / (2π T), at most 1/(2 T)
+  /// Per fault, in the plant's coordinates: ‖b_j - Π_S b_j‖ / ‖b_j‖. With an output part
+  /// ‖(Π_⊥ (L_j - A s), D_j - C s)‖ / ‖(L_j, D_j)‖, s the shortest in S* with C s nearest to D_j:
+  /// moving along S* makes C s and A s, and no residual sees it.
+  std::vector<double> margin;
+  /// Per fault, in its unit: the smallest constant one that it fires on; 0: it fires on none. τ by
+  /// the DC gain; of faults seen in transients τ by the largest value that the step response holds
+  /// for `dwell` samples.
+  std::vector<double> smallest_fault;
+  /// Per fault: from the onset of twice that, with everything at rest, until it fires (exceeds τ
+  /// for the `dwell`-th sample); 0 if it fires on none.
+  std::vector<double> delay_s;
   RankCertificate rank;
 };
 

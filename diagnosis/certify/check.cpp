@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <limits>
 #include <stdexcept>
+#include <tuple>
+#include <utility>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -171,15 +173,27 @@ class FilterCheck {
       check_sensitivity(proof, j, limit);
     }
     for (std::size_t i = 0; i < found.input_gain.size(); ++i) {
-      check_leak("input " + plant_.input_names[i], found.input_gain[i], proof.input_noise[i],
-                 limit);
+      const double unit = input_unit(plant_.input_names[i]);
+      check_leak("input " + plant_.input_names[i], unit * found.input_gain[i],
+                 unit * proof.input_noise[i], limit);
     }
     for (std::size_t i = 0; i < found.disturbance_gain.size(); ++i) {
       if (bank_.disturbances[i].treatment != BankDisturbance::Treatment::kNone) {
-        check_leak("disturbance " + plant_.disturbances[i].name, found.disturbance_gain[i],
-                   proof.disturbance_noise[i], limit);
+        const double unit = plant_.disturbances[i].bound.value_or(1.0);
+        check_leak("disturbance " + plant_.disturbances[i].name, unit * found.disturbance_gain[i],
+                   unit * proof.disturbance_noise[i], limit);
       }
     }
+  }
+
+  // What counts as one of that input: the size of a fault on it, if there is any.
+  [[nodiscard]] double input_unit(const std::string& input) const {
+    for (const Fault& fault : plant_.faults) {
+      if (fault.kind == FaultKind::kActuator && fault.name == input) {
+        return fault.size;
+      }
+    }
+    return 1.0;
   }
 
   void check_leak(const std::string& what, double gain, double noise, double limit) {

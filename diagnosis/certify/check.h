@@ -33,7 +33,8 @@ struct CheckResult {
 /// - another plant: digest, names, fault sizes, operating point, disturbances;
 /// - a filter that is not stable, or not named after the faults it ignores (method "geometric");
 /// - faults, inputs, or disturbances that a residual claims to ignore but sees with more than 10 %
-///   of the smallest gain that it must see (per fault size; inputs and disturbances per unit);
+///   of the smallest gain that it must see: per fault size; inputs per size of the fault on them,
+///   disturbances per bound, either per unit if it has none;
 /// - faults that it sees in another way than `sees` says; a sample count in `forget_samples` that
 ///   is not the filter's; L and J that are not its response to the faults;
 /// - any number of a certificate that differs from the recomputed one by more than 1e-6 of it and

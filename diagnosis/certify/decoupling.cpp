@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "diagnosis/certify/balance.h"
 #include "diagnosis/certify/orthogonal.h"
@@ -172,6 +173,24 @@ RankCertificate DecouplingAnalysis::rank_certificate(const ExtendedPlant& plant,
           kTolerances[first], kTolerances[last]};
 }
 
+std::vector<double> DecouplingAnalysis::distances(const ExtendedPlant& plant, const MatrixXd& S,
+                                                  const MatrixXd& P, const MatrixXd& states,
+                                                  const MatrixXd& outputs) {
+  // What of the outputs moves along S* moves: C s = Π D with the shortest s takes A s with it.
+  OrthogonalArithmetic arithmetic(kTolerances[kOwnTolerance]);
+  const MatrixXd s = S * arithmetic.shortest_solution(plant.C * S, norm_or_one(plant.C), outputs);
+  const Index n = states.rows();
+  const MatrixXd state = P.topRows(n).transpose() * (states - (plant.A * s).topRows(n));
+  const MatrixXd output = outputs - plant.C * s;
+  std::vector<double> distances;
+  for (Index j = 0; j < states.cols(); ++j) {
+    const double size = std::hypot(states.col(j).norm(), outputs.col(j).norm());
+    distances.push_back(size > 0.0 ? std::hypot(state.col(j).norm(), output.col(j).norm()) / size
+                                   : 0.0);
+  }
+  return distances;
+}
+
 std::vector<double> DecouplingAnalysis::margins(const ExtendedPlant& plain,
                                                 const ExtendedPlant& balanced,
                                                 const Subspaces& found) const {
@@ -184,21 +203,20 @@ std::vector<double> DecouplingAnalysis::margins(const ExtendedPlant& plain,
     const VectorXd balanced_output = output_scales_.asDiagonal() * balanced.C.col(i);
     scales[i] = balanced_output.norm() / own_output.norm();
   }
-  const MatrixXd S = orthonormal_basis(scales.asDiagonal() * found.S);
-  const MatrixXd P =
-      orthonormal_basis(scales.cwiseInverse().asDiagonal() * found.S_complement).topRows(n);
-
-  // What of the outputs moves along S* moves: C s = Π D with the shortest s takes A s with it.
-  const MatrixXd CS = plain.C * S;
-  OrthogonalArithmetic arithmetic(kTolerances[kOwnTolerance]);
-  const MatrixXd s = S * arithmetic.shortest_solution(CS, norm_or_one(plain.C), fault_outputs_);
-  const MatrixXd state = P.transpose() * (fault_states_ - (plain.A * s).topRows(n));
-  const MatrixXd output = fault_outputs_ - plain.C * s;
-  std::vector<double> margins;
-  for (Index j = 0; j < fault_states_.cols(); ++j) {
-    const double size = std::hypot(fault_states_.col(j).norm(), fault_outputs_.col(j).norm());
-    margins.push_back(size > 0.0 ? std::hypot(state.col(j).norm(), output.col(j).norm()) / size
-                                 : 0.0);
+  std::vector<double> margins =
+      distances(plain, orthonormal_basis(scales.asDiagonal() * found.S),
+                orthonormal_basis(scales.cwiseInverse().asDiagonal() * found.S_complement),
+                fault_states_, fault_outputs_);
+  // What is inside in balanced coordinates is inside in all. In badly scaled ones rounding errors
+  // would hide that.
+  const std::vector<double> in_balance =
+      distances(balanced, found.S, found.S_complement,
+                state_scales_.cwiseInverse().asDiagonal() * fault_states_,
+                output_scales_.cwiseInverse().asDiagonal() * fault_outputs_);
+  for (std::size_t j = 0; j < margins.size(); ++j) {
+    if (in_balance[j] <= kTolerances[kOwnTolerance]) {
+      margins[j] = std::min(margins[j], in_balance[j]);
+    }
   }
   return margins;
 }

@@ -59,6 +59,13 @@ class DecouplingAnalysis {
   [[nodiscard]] static Subspaces subspaces(const ExtendedPlant& plant, double tolerance);
   [[nodiscard]] static RankCertificate rank_certificate(const ExtendedPlant& plant,
                                                         const Subspaces& found);
+  // ‖(L_j, D_j) less what the residual cannot see‖ / ‖(L_j, D_j)‖ for the columns of `states` and
+  // `outputs`; S and P span S* and S*^⊥ of `plant`.
+  [[nodiscard]] static std::vector<double> distances(const ExtendedPlant& plant,
+                                                     const Eigen::MatrixXd& S,
+                                                     const Eigen::MatrixXd& P,
+                                                     const Eigen::MatrixXd& states,
+                                                     const Eigen::MatrixXd& outputs);
   [[nodiscard]] std::vector<double> margins(const ExtendedPlant& plain,
                                             const ExtendedPlant& balanced,
                                             const Subspaces& found) const;

@@ -1,6 +1,7 @@
 #include "diagnosis/certify/forgetting.h"
 
 #include <algorithm>
+#include <initializer_list>
 
 namespace faultline {
 namespace {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <limits>
 #include <numbers>
 #include <stdexcept>
 
@@ -86,15 +87,7 @@ SampledSystem sampled(const PlantModel& plant, const Bank& bank, const MatrixXd&
     }
     return {std::move(A), std::move(B)};
   }
-  // Sampling loses digits when columns of B are much larger than A: measured in powers of two near
-  // their size they are not.
-  VectorXd units(B.cols());
-  for (Index j = 0; j < B.cols(); ++j) {
-    units[j] = power_of_two(B.col(j).norm());
-  }
-  SampledSystem result =
-      discretize_zoh(A, B * units.cwiseInverse().asDiagonal(), bank.sample_time_s);
-  result.B = result.B * units.asDiagonal();
+  SampledSystem result = discretize_zoh(A, B, bank.sample_time_s);
   check_finite(plant, bank, result.A, result.B);
   return result;
 }

@@ -57,6 +57,10 @@ OracleCase oracle_case(const Json& json) {
   const Json& expected = json.at("expected");
   result.is_solvable = expected.at("solvable").get<bool>();
   result.are_signatures_distinct = expected.at("signatures_distinct").get<bool>();
+  result.is_strongly_isolable = expected.at("strongly_isolable").get<bool>();
+  for (const Json& set : expected.at("confusable_2p_sets")) {
+    result.confusable_2p_sets.push_back(from_zero(set));
+  }
   for (const Json& failure : expected.at("failing")) {
     for (const std::size_t fault : from_zero(failure.at("undetectable"))) {
       result.failing.emplace_back(from_zero(failure.at("decouple")), fault);

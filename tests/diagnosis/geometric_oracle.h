@@ -33,6 +33,8 @@ struct OracleCase {
   std::vector<double> poles;
   bool is_solvable = false;
   bool are_signatures_distinct = false;
+  bool is_strongly_isolable = false;
+  std::vector<std::vector<std::size_t>> confusable_2p_sets;  ///< sets of 2p dependent faults
   std::vector<std::pair<std::vector<std::size_t>, std::size_t>> failing;  ///< ignores | fault
   std::vector<OracleResidual> residuals;
 

@@ -60,6 +60,11 @@ class Design(FolderTest):
             self.assertAlmostEqual(real, 0.9048374180359595)  # exp(-10 · 0.01)
             self.assertEqual(imaginary, 0.0)
             self.assertLess(residual["certificate"]["spectral_radius"], 1.0)
+            # Recomputed by other code from the filter as it runs, and yet the same.
+            for key, design_key in (("dc_gain", "dc_gain"), ("margin", "margins")):
+                for fault, value in zip(FAULTS, residual["certificate"][key]):
+                    self.assertAlmostEqual(value, residual[design_key][fault])
+            self.assertEqual(residual["certificate"]["rank"]["dim_s"], residual["dim_s"])
 
     def test_result_as_data_in_a_file(self):
         answer = self.run_ok("design", "bank.toml", "--json", "design.json")
