@@ -207,6 +207,9 @@ std::vector<double> DecouplingAnalysis::margins(const ExtendedPlant& plain,
       distances(plain, orthonormal_basis(scales.asDiagonal() * found.S),
                 orthonormal_basis(scales.cwiseInverse().asDiagonal() * found.S_complement),
                 fault_states_, fault_outputs_);
+  if (state_scales_.isOnes(0.0) && output_scales_.isOnes(0.0)) {
+    return margins;
+  }
   // What is inside in balanced coordinates is inside in all. In badly scaled ones rounding errors
   // would hide that.
   const std::vector<double> in_balance =

@@ -7,7 +7,7 @@
 namespace faultline {
 
 /// design_bank(), and the certificates of the bank it found: what may be written or run.
-/// @throws InputError as design_bank; std::invalid_argument as certify.
+/// @throws InputError as design_bank, and where certify refuses: at `plant` of the request.
 [[nodiscard]] DesignResult designed_and_certified(const PlantModel& plant,
                                                   const BankRequest& request);
 
