@@ -36,7 +36,7 @@ void print_failures(std::FILE* out, const DesignResult& result) {
     fmt::print(out, "  {} (ignores {}): {}\n", report.name, join_names(result.bank, report.ignores),
                report.reason);
   }
-  for (const DesignResult::Failure& failure : result.failing) {
+  for (const DesignFailure& failure : result.failing) {
     fmt::print(out, "  {{{}}} hides {}: the residual that ignores the first cannot see the last\n",
                join_names(result.bank, failure.ignores), result.bank.fault_names[failure.fault]);
   }
@@ -88,7 +88,7 @@ Json design_json(const DesignResult& result) {
             {"failing", Json::array()},
             {"signatures_distinct", result.are_signatures_distinct},
             {"residuals", Json::array()}};
-  for (const DesignResult::Failure& failure : result.failing) {
+  for (const DesignFailure& failure : result.failing) {
     json["failing"].push_back({{"ignores", names_json(bank, failure.ignores)},
                                {"fault", bank.fault_names[failure.fault]}});
   }

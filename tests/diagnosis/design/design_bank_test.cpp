@@ -106,7 +106,7 @@ TEST(DesignBank, AgreesWithTheOracleOnAllCases) {
     EXPECT_EQ(result.is_solvable, oracle.is_solvable);
     EXPECT_EQ(result.are_signatures_distinct, oracle.are_signatures_distinct);
     std::vector<std::pair<std::vector<std::size_t>, std::size_t>> failing;
-    for (const DesignResult::Failure& failure : result.failing) {
+    for (const DesignFailure& failure : result.failing) {
       failing.emplace_back(failure.ignores, failure.fault);
     }
     EXPECT_EQ(failing, oracle.failing);
