@@ -123,7 +123,7 @@ RC_GTEST_PROP(ExactRanks, AreThoseOfTheBank, ()) {
     }
     filter += report.exists ? 1 : 0;
   }
-  for (const DesignResult::Failure& failure : result.failing) {
+  for (const DesignFailure& failure : result.failing) {
     failing.emplace_back(failure.ignores, failure.fault);
   }
   RC_ASSERT(failing == expected_failing);
