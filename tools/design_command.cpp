@@ -13,6 +13,7 @@
 #include "diagnosis/design/design_bank.h"
 #include "tools/bank_print.h"
 #include "tools/bench/bench_inputs.h"
+#include "tools/bench/certified_design.h"
 #include "tools/cli.h"
 
 namespace faultline {
@@ -58,6 +59,27 @@ Json matrix_json(const Eigen::MatrixXd& matrix) {
   return rows;
 }
 
+Json certificate_json(const FilterCertificate& certificate) {
+  const RankCertificate& rank = certificate.rank;
+  return {{"spectral_radius", certificate.spectral_radius},
+          {"input_gain", certificate.input_gain},
+          {"disturbance_gain", certificate.disturbance_gain},
+          {"fault_gain", certificate.fault_gain},
+          {"dc_gain", certificate.dc_gain},
+          {"band_gain", certificate.band_gain},
+          {"band_Hz", certificate.band_Hz},
+          {"margin", certificate.margin},
+          {"smallest_fault", certificate.smallest_fault},
+          {"delay_s", certificate.delay_s},
+          {"rank",
+           {{"dim_w", rank.dim_w},
+            {"dim_s", rank.dim_s},
+            {"smallest_kept", rank.smallest_kept},
+            {"largest_dropped", rank.largest_dropped},
+            {"tolerance_min", rank.tolerance_min},
+            {"tolerance_max", rank.tolerance_max}}}};
+}
+
 void add_filter_json(Json& json, const Bank& bank, const ResidualReport& report,
                      const ResidualFilter& filter) {
   json["responds_to"] = Json::array();
@@ -78,7 +100,7 @@ void add_filter_json(Json& json, const Bank& bank, const ResidualReport& report,
   }
   json["threshold"] = filter.threshold;
   json["forget_samples"] = filter.forget_samples;
-  json["certificate"] = {{"spectral_radius", filter.certificate.spectral_radius}};
+  json["certificate"] = certificate_json(filter.certificate);
 }
 
 Json design_json(const DesignResult& result) {
@@ -119,7 +141,7 @@ std::filesystem::path default_output(const std::filesystem::path& request) {
 int design(const DesignArguments& arguments) {
   const BankRequest request = read_bank_request(arguments.request);
   const PlantModel plant = read_requested_plant(request);
-  const DesignResult result = design_bank(plant, request);
+  const DesignResult result = designed_and_certified(plant, request);
   std::FILE* out = human_output(arguments.json);
   fmt::print(out, "{}: {} for plant \"{}\"\n", result.bank.name,
              result.is_solvable ? "every residual exists and sees what it must" : "NOT SOLVABLE",

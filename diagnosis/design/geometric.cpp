@@ -93,7 +93,7 @@ ExtendedPlant extend(const MatrixXd& A, const MatrixXd& C, const Directions& ign
 MatrixXd own_projector(const MatrixXd& space, Index dimension, const VectorXd& state_units) {
   const Index n = state_units.size();
   const MatrixXd projector = (space * space.transpose()).topLeftCorner(n, n);
-  if ((state_units.array() == 1.0).all()) {
+  if (dimension == 0 || (state_units.array() == 1.0).all()) {
     return projector;
   }
   const MatrixXd basis =

@@ -143,6 +143,22 @@ std::vector<OracleProjection> oracle_projections(const std::string& disturbance)
   return projections;
 }
 
+std::vector<OracleConstantBias> oracle_constant_bias(const std::string& disturbance) {
+  const Json reference = load("hou_reference.json");
+  std::vector<OracleConstantBias> biases;
+  for (const Json& json : reference.at("disturbance").at(disturbance).at("constant_bias")) {
+    OracleConstantBias bias{from_zero(json.at("decouple")),
+                            json.at("dimS").get<Index>(),
+                            from_zero(json.at("responds")),
+                            {}};
+    for (const Json& gain : json.at("dc")) {
+      bias.has_dc.push_back(std::abs(gain.get<double>()) > 1e-9);
+    }
+    biases.push_back(bias);
+  }
+  return biases;
+}
+
 std::vector<OracleScenario> oracle_scenarios() {
   const Json simulation = load("hou_simulation.json");
   std::vector<OracleScenario> scenarios;

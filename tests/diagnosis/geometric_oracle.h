@@ -58,6 +58,15 @@ struct OracleProjection {
 };
 [[nodiscard]] std::vector<OracleProjection> oracle_projections(const std::string& disturbance);
 
+/// What becomes of it when the disturbance is taken as constant.
+struct OracleConstantBias {
+  std::vector<std::size_t> ignores;
+  Eigen::Index dim_s = 0;
+  std::vector<std::size_t> responds;
+  std::vector<bool> has_dc;  ///< per fault: DC gain that is not zero
+};
+[[nodiscard]] std::vector<OracleConstantBias> oracle_constant_bias(const std::string& disturbance);
+
 /// One scenario of hou_simulation.json.
 struct OracleScenario {
   struct Step {
