@@ -235,7 +235,8 @@ std::ostream& operator<<(std::ostream& out, const BenchPlantRecipe& recipe) {
   return out << "{" << (recipe.time == TimeDomain::kContinuous ? "continuous" : "discrete")
              << ", n = " << recipe.n << ", m = " << recipe.m << ", q = " << recipe.q
              << ", sensor faults = " << recipe.sensor_faults
-             << ", disturbances = " << recipe.disturbances << ", seed = " << recipe.seed << "}";
+             << ", disturbances = " << recipe.disturbances
+             << (recipe.has_washout ? ", washout" : "") << ", seed = " << recipe.seed << "}";
 }
 
 double RandomNumbers::uniform(double from, double to) {
@@ -391,6 +392,11 @@ PlantModel random_bench_plant(const BenchPlantRecipe& recipe) {
             .eval();
     B *= kSampleTime_s;
     disturbed *= kSampleTime_s;
+  }
+  if (recipe.has_washout) {
+    // Its steady state k is in Ker C.
+    const MatrixXd k = kernel_projector(C) * random.normal(n, 1);
+    B.col(0) = recipe.time == TimeDomain::kDiscrete ? MatrixXd(k - A * k) : MatrixXd(-A * k);
   }
   PlantModel plant = plant_of(A, B, C);
   if (recipe.time == TimeDomain::kDiscrete) {

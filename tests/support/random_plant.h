@@ -76,6 +76,7 @@ struct BenchPlantRecipe {
   Eigen::Index n = 3, m = 3, q = 3;
   Eigen::Index sensor_faults = 0;  ///< on the first outputs
   Eigen::Index disturbances = 0;   ///< state disturbances "d1"..
+  bool has_washout = false;        ///< a constant first input shows in no output (needs q < n)
   TimeDomain time = TimeDomain::kContinuous;
   std::uint64_t seed = 0;
 };

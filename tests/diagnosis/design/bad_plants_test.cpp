@@ -27,6 +27,7 @@ using testing::AnyOf;
 using testing::HasSubstr;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // A residual that leaks more than this part of what cancels in it is no decoupled one.
 constexpr double kDecoupled = 1e-7;
 
@@ -183,6 +184,19 @@ TEST(BadPlants, WithAZeroFaultDirectionDoNotSeeThatFault) {
   }
 }
 
+TEST(BadPlants, WithNoInputsAreDiagnosedByTheirOutputsAlone) {
+  PlantModel plant = good_plant();
+  plant.B.resize(4, 0);
+  plant.D.resize(3, 0);
+  plant.input_names.clear();
+  plant.input_range.resize(0);
+  plant.u_operating.resize(0);
+  const Outcome outcome = design(plant, request_for());
+  EXPECT_EQ(outcome.refusal, "");
+  EXPECT_TRUE(outcome.result.is_solvable);
+  expect_correct(plant, outcome.result);
+}
+
 TEST(BadPlants, AreRefusedWithMoreConcurrentFaultsThanThereAre) {
   for (const std::size_t p : {std::size_t{0}, std::size_t{3}, std::size_t{4}, SIZE_MAX}) {
     EXPECT_THAT(design(good_plant(), request_for(p)).refusal, HasSubstr("concurrent: found")) << p;
@@ -246,7 +260,7 @@ TEST(BadRequests, WithOnePoleForAResidualOfOneRowAreRefused) {
 
 class BadlyScaledPlants : public testing::TestWithParam<double> {};
 
-// Units of 1e±4 in a state, an output, an input, a fault: nothing of the answer depends on them.
+// Units of 1e±12 in a state, an output, an input, a fault: nothing of the answer depends on them.
 TEST_P(BadlyScaledPlants, GiveTheSameAnswer) {
   const double unit = GetParam();
   const PlantModel plant = good_plant();
@@ -279,7 +293,7 @@ TEST_P(BadlyScaledPlants, GiveTheSameAnswer) {
     }
   }
 }
-INSTANTIATE_TEST_SUITE_P(Units, BadlyScaledPlants, testing::Values(1e-4, 1e4),
+INSTANTIATE_TEST_SUITE_P(Units, BadlyScaledPlants, testing::Values(1e-12, 1e-4, 1e4, 1e12),
                          [](const auto& unit) {
                            return unit.param < 1.0
                                       ? fmt::format("down{:.0f}", -std::log10(unit.param))
@@ -287,7 +301,7 @@ INSTANTIATE_TEST_SUITE_P(Units, BadlyScaledPlants, testing::Values(1e-4, 1e4),
                          });
 
 TEST(BadPlants, WithSingleEntriesOfAnySizeAreRefusedOrCorrect) {
-  for (const double size : {1e-300, 1e-12, 1e12}) {
+  for (const double size : {1e-300, 1e-12, 1e12, 1e100}) {
     for (int which = 0; which < 3; ++which) {
       PlantModel plant = good_plant();
       if (which == 0) {
@@ -301,6 +315,39 @@ TEST(BadPlants, WithSingleEntriesOfAnySizeAreRefusedOrCorrect) {
       expect_refused_or_correct(plant, request_for());
     }
   }
+}
+
+TEST(BadPlants, WithNumbersThatAreNoneAreRefused) {
+  for (const double bad : {kNan, kInfinity}) {
+    const auto refuses = [&](const std::string& what, auto change) {
+      SCOPED_TRACE(fmt::format("{} in {}", bad, what));
+      PlantModel plant = good_plant();
+      change(plant);
+      EXPECT_NE(design(plant, request_for()).refusal, "");
+    };
+    refuses("A", [&](PlantModel& plant) { plant.A(0, 1) = bad; });
+    refuses("B", [&](PlantModel& plant) { plant.B(0, 1) = bad; });
+    refuses("C", [&](PlantModel& plant) { plant.C(0, 1) = bad; });
+    refuses("D", [&](PlantModel& plant) { plant.D(0, 1) = bad; });
+    refuses("fault state", [&](PlantModel& plant) { plant.faults[0].state[0] = bad; });
+    refuses("fault output", [&](PlantModel& plant) { plant.faults[0].output[0] = bad; });
+    refuses("fault size", [&](PlantModel& plant) { plant.faults[0].size = bad; });
+    refuses("output range", [&](PlantModel& plant) { plant.output_range[0] = bad; });
+  }
+  for (const double bad : {kNan, -kInfinity}) {
+    BankRequest request = request_for();
+    request.poles.front() = bad;
+    EXPECT_NE(design(good_plant(), request).refusal, "");
+    request = hou_request();
+    request.poles = {bad};
+    EXPECT_NE(design(hou_plant(), request).refusal, "");
+  }
+  BankRequest request = hou_request();
+  request.sample_time_s = kInfinity;
+  EXPECT_NE(design(hou_plant(), request).refusal, "");
+  request = hou_request();
+  request.threshold = kInfinity;
+  EXPECT_NE(design(hou_plant(), request).refusal, "");
 }
 
 TEST(BadPlants, WithoutStatesAreRefusedOrCorrect) {

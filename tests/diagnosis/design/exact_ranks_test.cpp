@@ -19,7 +19,7 @@ using Eigen::MatrixXd;
 
 const std::vector<PlantKind> kStateFaults = {PlantKind::kWholeNumbers, PlantKind::kWholeZeros};
 const std::vector<PlantKind> kWhole = {PlantKind::kWholeNumbers, PlantKind::kWholeZeros,
-                                       PlantKind::kWholeMixed};
+                                       PlantKind::kWholeMixed, PlantKind::kWholeDisturbances};
 
 // No eigenvalue of matrices of small whole numbers, but with a probability of 1e-17.
 constexpr std::uint64_t kSomewhere = 1'152'921'504'606'846'883;
@@ -89,6 +89,24 @@ RC_GTEST_PROP(ExactRanks, AreTheDimensionsOfWAndS, ()) {
       exact_unobservability_subspaces(ExactMatrix(plant.A), ExactMatrix(plant.C), ExactMatrix(L));
   RC_ASSERT(found.W.cols() == exact.W.cols());
   RC_ASSERT(found.S.cols() == exact.S.cols());
+}
+
+// Few outputs make long chains: errors of one step of S* enter the next, up to n/q times.
+RC_GTEST_PROP(ExactRanks, AreTheDimensionsOfWAndSForLongChains, ()) {
+  PlantRecipe recipe{PlantKind::kWholeZeros};
+  recipe.n = *rc::gen::inRange<Index>(8, 25);
+  recipe.m = *rc::gen::inRange<Index>(1, 4);
+  recipe.q = *rc::gen::inRange<Index>(2, 4);
+  recipe.seed = *rc::gen::inRange<std::uint64_t>(0, 1000000);
+  RC_LOG() << recipe << '\n';
+  const PlantModel plant = random_plant(recipe);
+  const GeometricQuotient found =
+      geometric_quotient(plant.A, plant.C, {plant.B, MatrixXd::Zero(recipe.q, recipe.m)},
+                         {plant.B, MatrixXd::Zero(recipe.q, recipe.m)});
+  const ExactSubspaces exact = exact_unobservability_subspaces(
+      ExactMatrix(plant.A), ExactMatrix(plant.C), ExactMatrix(plant.B));
+  RC_ASSERT(found.dim_w == exact.W.cols());
+  RC_ASSERT(found.dim_s == exact.S.cols());
 }
 
 // Tells which residuals exist, of what dimensions and rows, and which faults they see.

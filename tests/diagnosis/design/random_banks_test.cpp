@@ -173,6 +173,27 @@ RC_GTEST_PROP(RandomBanks, AreTheSameInOtherCoordinatesOfTheState, ()) {
   compare(design.result, design_bank(transformed(design.plant, T), design.request));
 }
 
+// Units of 1e-4 to 1e4 in the states.
+RC_GTEST_PROP(RandomBanks, AreTheSameInAnyUnitsOfTheState, ()) {
+  const Design design = any_design(8);
+  if (design.plant.C.isZero(0.0)) {
+    return;
+  }
+  const PlantModel moved =
+      transformed(design.plant, random_scaling(design.plant.n(), 4.0, design.recipe.seed + 10));
+  const DesignResult result = design_bank(moved, design.request);
+  compare(design.result, result);
+  for (const ResidualFilter& filter : result.bank.filters) {
+    for (const std::complex<double> z : kPoints) {
+      RC_ASSERT(reference::leak_of_inputs(design.plant, filter, z).relative() < kDecoupled);
+    }
+    for (const std::size_t j : filter.ignores) {
+      RC_ASSERT(worst_leak(design.plant, filter, reference::fault_directions(design.plant, {j})) <
+                kDecoupled);
+    }
+  }
+}
+
 // A continuous plant designed in the sampled domain, sampled by the test itself.
 RC_GTEST_PROP(RandomBanks, DecoupleInTheSampledLoopOfAContinuousPlant, ()) {
   const PlantRecipe recipe = *recipes(6);
