@@ -11,6 +11,7 @@
 #include "diagnosis/bank/bank_file.h"
 #include "diagnosis/certify/check.h"
 #include "diagnosis/model/plant_file.h"
+#include "tools/bank_print.h"
 #include "tools/cli.h"
 
 namespace faultline {
@@ -92,25 +93,6 @@ void print_residual(std::FILE* out, const Bank& bank, const ResidualFilter& filt
       seen_text(bank, filter, certificate, Sensitivity::kTransient),
       smallest_margin(filter, certificate), certificate.rank.tolerance_min,
       certificate.rank.tolerance_max);
-}
-
-void print_isolability(std::FILE* out, const Bank& bank) {
-  const IsolabilityCertificate& isolability = bank.isolability;
-  fmt::print(out, "\n  signatures of up to {} faults {}\n", bank.concurrent,
-             isolability.are_signatures_distinct ? "are distinct" : "are NOT distinct");
-  if (isolability.is_strongly_isolable) {
-    fmt::print(out, "  whatever their courses, no two sets of them look the same\n");
-  }
-  for (const ConfusableFaults& set : isolability.confusable) {
-    std::vector<std::string> names;
-    for (const std::size_t fault : set.faults) names.push_back(bank.fault_names[fault]);
-    fmt::print(out, "  with the right courses {} can look like each other{}\n",
-               fmt::join(names, ", "),
-               set.weights.empty()
-                   ? ""
-                   : fmt::format(" (weights {:.3g} cancel)", fmt::join(set.weights, ", ")));
-  }
-  if (!isolability.is_list_complete) fmt::print(out, "  and there may be more such sets\n");
 }
 
 Json check_json(const Bank& bank, const CheckResult& result) {

@@ -42,7 +42,7 @@ struct BankRequest {
   bool normalise = true;
   double threshold = 0.0;  ///< τ, in fault sizes when normalised
   DecisionRule decision;
-  /// DecisionRule::window; absent: three time constants of the slowest filter.
+  /// DecisionRule::window; absent: five time constants of the slowest filter.
   std::optional<std::uint32_t> window;
   std::string text;    ///< the file, whole
   std::string source;  ///< its name

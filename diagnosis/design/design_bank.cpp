@@ -24,9 +24,9 @@ using Poles = std::vector<std::complex<double>>;
 // Columns of G below this part of B's are rounding errors of exact zeros.
 constexpr double kRoundingError = 1e-13;
 // The window of the fault size estimate, in time constants of the slowest filter: long enough to
-// tell a step from what the filter still remembers, e^-3 = 5 %. Between sensible bounds, in
+// tell a step from what the filter still remembers, e^-5 < 1 %. Between sensible bounds, in
 // samples.
-constexpr double kWindowTimeConstants = 3.0;
+constexpr double kWindowTimeConstants = 5.0;
 constexpr double kSmallestWindow = 10.0;
 constexpr double kLargestWindow = 1000.0;
 

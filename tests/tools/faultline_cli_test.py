@@ -57,87 +57,6 @@ class Help(FolderTest):
         self.assertEqual(self.folder.logs(), [])
 
 
-class Design(FolderTest):
-    KEYS = {"name", "decouples", "exists", "dim_w", "dim_s", "projector_w", "projector_s", "quotient_dim", "rows",
-            "responds_to", "transient_only", "margins", "dc_gain", "poles", "certificate"}
-
-    def test_writes_a_bank_beside_its_request(self):
-        answer = self.run_ok("design", "bank.toml")
-        self.assertIn("bank.bank.json", answer.out)
-        bank = json.loads(self.folder.read("bank.bank.json"))
-        self.assertEqual([residual["name"] for residual in bank["filters"]], PAIRS)
-        for name in PAIRS:
-            self.assertIn(name, answer.out)
-
-    def test_writes_where_it_is_told_and_the_same_each_time(self):
-        self.run_ok("design", "bank.toml", "-o", "a.bank.json")
-        self.run_ok("design", "bank.toml", "--output", "b.bank.json")
-        self.assertEqual(self.folder.read("a.bank.json"), self.folder.read("b.bank.json"))
-        self.assertFalse(os.path.exists(self.folder.file("bank.bank.json")))
-
-    def test_result_as_data(self):
-        answer = self.run_ok("design", "bank.toml", "--json", "-")
-        design = json.loads(answer.out)
-        self.assertIs(design["solvable"], True)
-        self.assertEqual(design["failing"], [])
-        self.assertEqual([residual["name"] for residual in design["residuals"]], PAIRS)
-        for residual in design["residuals"]:
-            self.assertLessEqual(self.KEYS, set(residual))
-            ignored = residual["decouples"]
-            self.assertEqual(residual["name"], "r" + "".join(fault[1] for fault in ignored))
-            self.assertIs(residual["exists"], True)
-            self.assertEqual(residual["responds_to"], [fault for fault in FAULTS if fault not in ignored])
-            self.assertEqual(residual["transient_only"], [])
-            self.assertEqual((residual["dim_w"], residual["dim_s"], residual["quotient_dim"], residual["rows"]),
-                             (2, 2, 1, 1))
-            for key in ("projector_w", "projector_s"):
-                self.assertEqual([len(row) for row in residual[key]], [3, 3, 3])
-                self.assertAlmostEqual(sum(residual[key][i][i] for i in range(3)), 2.0)  # trace of Π: its rank
-            for fault in FAULTS:
-                bound = self.assertLess if fault in ignored else self.assertGreater
-                bound(residual["margins"][fault], 1e-9)
-                bound(residual["dc_gain"][fault], 1e-9)
-            # Normalised: the smallest gain it must see is one.
-            self.assertAlmostEqual(min(residual["dc_gain"][fault] for fault in residual["responds_to"]), 1.0)
-            ((real, imaginary),) = residual["poles"]
-            self.assertAlmostEqual(real, 0.9048374180359595)  # exp(-10 · 0.01)
-            self.assertEqual(imaginary, 0.0)
-            self.assertLess(residual["certificate"]["spectral_radius"], 1.0)
-
-    def test_result_as_data_in_a_file(self):
-        answer = self.run_ok("design", "bank.toml", "--json", "design.json")
-        self.assertIs(json.loads(self.folder.read("design.json"))["solvable"], True)
-        self.assertIn("r12", answer.out)
-
-    def test_a_plant_without_solution_is_a_negative_answer_that_says_which_sets(self):
-        self.folder.patch("plant.toml", *UNSOLVABLE)
-        answer = self.folder.run("design", "bank.toml", "--json", "design.json")
-        self.assert_code(1, answer)
-        self.assertIn("NOT SOLVABLE", answer.out)
-        self.assertIn("u1, u2", answer.out)
-        design = json.loads(self.folder.read("design.json"))
-        self.assertIs(design["solvable"], False)
-        self.assertIn({"ignores": ["u1", "u2"], "fault": "u3"}, design["failing"])
-        missing = [residual for residual in design["residuals"] if not residual["exists"]]
-        self.assertTrue(missing)
-        for residual in missing:
-            self.assertTrue(residual["reason"])
-        self.assertFalse(os.path.exists(self.folder.file("bank.bank.json")))
-
-    def test_an_unwritable_bank_file_is_a_failure(self):
-        for output in ("nosuch/b.bank.json", ".", "/proc/b.bank.json"):
-            with self.subTest(output=output):
-                answer = self.folder.run("design", "bank.toml", "-o", output)
-                self.assert_code(3, answer)
-                self.assertIn(output, answer.err)
-
-    def test_unwritable_data_is_a_failure(self):
-        for target in ("nosuch/design.json", "/dev/full"):
-            answer = self.folder.run("design", "bank.toml", "--json", target)
-            self.assert_code(3, answer)
-            self.assertIn(target, answer.err)
-
-
 class Run(FolderTest):
     def test_expectations_met(self):
         answer = self.run_ok("run", "demo.toml", "--json", "run.json")
@@ -147,6 +66,13 @@ class Run(FolderTest):
         self.assertEqual(run["samples"], 1001)
         self.assertEqual([(verdict["verdict"], verdict["faults"]) for verdict in run["verdicts"]],
                          [("inhibited", []), ("healthy", []), ("isolated", ["u2", "u3"])])
+        isolated = run["verdicts"][-1]
+        self.assertEqual(isolated["cause"], "complete")
+        self.assertAlmostEqual(isolated["onset_s"], 4.0, delta=0.0101)
+        self.assertEqual([estimate["fault"] for estimate in isolated["estimates"]], ["u2", "u3"])
+        for estimate in isolated["estimates"]:
+            self.assertAlmostEqual(estimate["value"], 2.0, delta=2e-3)
+            self.assertGreater(estimate["deviation"], 0.0)
         times = [verdict["t_s"] for verdict in run["verdicts"]]
         self.assertEqual(times, sorted(times))
         self.assertTrue(4.0 < times[-1] < 4.3)
@@ -167,6 +93,17 @@ class Run(FolderTest):
         answer = self.run_ok("run", "demo.toml", "--json", "-")
         self.assertEqual(json.loads(answer.out)["scenario"], "demo")
         self.assertIn("u2, u3", answer.err)
+
+    def test_a_partial_signature_says_whose_it_could_be(self):
+        answer = self.run_ok("run", "marginal_1.toml", "--no-log", "--json", "run.json")
+        self.assertIn("partial signature, could be u1 | u4 below a threshold", answer.out)
+        verdict = json.loads(self.folder.read("run.json"))["verdicts"][-1]
+        self.assertEqual((verdict["verdict"], verdict["cause"], verdict["candidates"]),
+                         ("unexplained", "partial", [["u1"], ["u4"]]))
+
+    def test_the_summary_tells_size_and_onset_of_what_it_isolated(self):
+        self.assertRegex(self.run_ok("run", "demo.toml", "--no-log").out,
+                         r"u2 = \d\.\d+ \+- 0\.\d+, u3 = \d\.\d+ \+- 0\.\d+; onset (3\.99|4|4\.01) s")
 
     def test_progress_shows_the_current_verdict_and_quiet_none(self):
         self.folder.patch("demo.toml", ("duration_s = 10.0", "duration_s = 1000.0"),
@@ -291,8 +228,19 @@ class Log(FolderTest):
         self.assertEqual([residual["cycle"] for residual in messages["FAULTLINE_RESIDUAL"]], list(range(1001)))
         isolated = [message for message in messages["FAULTLINE_DIAGNOSIS"] if message["verdict"] == "isolated"]
         self.assertEqual(isolated[0]["sets"], [{"fault_count": 2, "faults": ["u2", "u3"]}])
+        self.assertEqual(isolated[0]["cause"], "complete")
+        self.assertLessEqual(400, isolated[0]["onset_cycle"])
+        self.assertLess(isolated[0]["onset_cycle"], isolated[0]["since_cycle"])
+        self.assertEqual(messages["FAULTLINE_DIAGNOSIS"][0]["onset_cycle"], -1)
+        estimate = messages["FAULTLINE_ESTIMATE"][-1]
+        self.assertEqual((estimate["fault"], estimate["reason"]), (["u2", "u3"], ""))
+        for value, deviation, bound in zip(estimate["estimate"], estimate["deviation"], estimate["bound"], strict=True):
+            self.assertAlmostEqual(value, 2.0, delta=2e-3)
+            self.assertGreater(deviation, 0.0)
+            self.assertLess(bound, 0.0)
         truth = [message for message in messages["FAULTLINE_TRUTH"] if message["faults"]]
         self.assertEqual(truth[0]["cycle"], 400)
+        self.assertAlmostEqual(estimate["onset_cycle"], truth[0]["cycle"], delta=1)
         self.assertEqual([fault["target"] for fault in truth[0]["faults"]], ["u2", "u3"])
         self.assertEqual(events[-1].channel, "FAULTLINE_STATS")
         stats = messages["FAULTLINE_STATS"][-1]
