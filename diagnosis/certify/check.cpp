@@ -150,8 +150,9 @@ class FilterCheck {
       numbers.push_back(j + 1);
     }
     const char* const separator = plant_.faults.size() < 10 ? "" : "_";
-    findings_.compare_exactly("name by the faults it ignores", filter_.name,
-                              fmt::format("r{}", fmt::join(numbers, separator)));
+    findings_.compare_exactly(
+        "name by the faults it ignores", filter_.name,
+        numbers.empty() ? "r0" : fmt::format("r{}", fmt::join(numbers, separator)));
   }
 
   void check_sensitivities(const FilterProof& proof) {

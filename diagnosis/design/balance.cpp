@@ -39,6 +39,43 @@ double without(const VectorXd& values, Index i) {
   return rest.stableNorm();
 }
 
+struct System {
+  MatrixXd A, C, L;
+};
+
+// Sweeps over the states until none changes its unit. With inputs and outputs, A is measured by its
+// own size (time has a unit, too), columns of L and rows of C by theirs.
+void balance_states(System& system, bool is_with_channels, VectorXd& units) {
+  auto& [A, C, L] = system;
+  bool is_changed = true;
+  for (int sweep = 0; sweep < kSweeps && is_changed; ++sweep) {
+    is_changed = false;
+    const double size = inverse_norm(A.stableNorm());
+    const VectorXd input_weights = column_weights(L);
+    const VectorXd output_weights = column_weights(C.transpose());
+    for (Index i = 0; i < A.rows(); ++i) {
+      double row = size * without(A.row(i), i);
+      double column = size * without(A.col(i), i);
+      if (is_with_channels) {
+        row = std::hypot(row, L.row(i).transpose().cwiseProduct(input_weights).stableNorm());
+        column = std::hypot(column, C.col(i).cwiseProduct(output_weights).stableNorm());
+      }
+      // Column times t, row divided by t: equal at t² = row / column.
+      const double t = nearest_power(std::sqrt(row) * std::sqrt(inverse_norm(column)));
+      const double unit = units[i] * t;
+      if (t == 1.0 || std::abs(std::log2(unit)) > kRadixBits * kLargestExponent) {
+        continue;
+      }
+      units[i] = unit;
+      A.row(i) /= t;
+      A.col(i) *= t;
+      L.row(i) /= t;
+      C.col(i) *= t;
+      is_changed = true;
+    }
+  }
+}
+
 }  // namespace
 
 MatrixXd Balance::of_state(const MatrixXd& A) const {
@@ -52,39 +89,14 @@ MatrixXd Balance::of_output(const MatrixXd& C) const {
 Balance balance(const MatrixXd& A, const MatrixXd& C, const MatrixXd& L) {
   const Index n = A.rows();
   Balance units{VectorXd::Ones(n), VectorXd::Ones(C.rows())};
-  const double size = A.stableNorm();
-  if (!std::isfinite(size)) {
+  if (!A.allFinite() || !C.allFinite() || !L.allFinite()) {
     return units;
   }
-  // Time has a unit, too: A is measured by its own size.
-  MatrixXd A_b = A * (size > 0.0 ? 1.0 / size : 1.0);
-  MatrixXd C_b = C;
-  MatrixXd L_b = L;
-  bool is_changed = true;
-  for (int sweep = 0; sweep < kSweeps && is_changed; ++sweep) {
-    is_changed = false;
-    const VectorXd input_weights = column_weights(L_b);
-    const VectorXd output_weights = column_weights(C_b.transpose());
-    for (Index i = 0; i < n; ++i) {
-      const VectorXd input_row = L_b.row(i).transpose().cwiseProduct(input_weights);
-      const VectorXd output_column = C_b.col(i).cwiseProduct(output_weights);
-      const double row = std::hypot(without(A_b.row(i), i), input_row.stableNorm());
-      const double column = std::hypot(without(A_b.col(i), i), output_column.stableNorm());
-      // Column times t, row divided by t: equal at t² = row / column.
-      const double t = nearest_power(std::sqrt(row) * std::sqrt(inverse_norm(column)));
-      const double total = units.state[i] * t;
-      if (t == 1.0 || std::abs(std::log2(total)) > kRadixBits * kLargestExponent) {
-        continue;
-      }
-      units.state[i] = total;
-      A_b.row(i) /= t;
-      A_b.col(i) *= t;
-      L_b.row(i) /= t;
-      C_b.col(i) *= t;
-      is_changed = true;
-    }
-  }
-  const VectorXd lengths = C_b.rowwise().stableNorm();
+  System system{A, C, L};
+  // A alone first: beside an A in odd units, inputs and outputs would seem all that counts.
+  balance_states(system, false, units.state);
+  balance_states(system, true, units.state);
+  const VectorXd lengths = system.C.rowwise().stableNorm();
   const double longest = lengths.size() == 0 ? 0.0 : lengths.maxCoeff();
   for (Index i = 0; i < lengths.size(); ++i) {
     units.output[i] = nearest_power(lengths[i] * inverse_norm(longest));

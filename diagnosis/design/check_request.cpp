@@ -25,7 +25,8 @@ void check_poles(const BankRequest& request) {
   }
   for (std::size_t i = 0; i < request.poles.size(); ++i) {
     const std::complex<double> pole = request.poles[i];
-    if (!(is_sampled ? std::abs(pole) < 1.0 : pole.real() < 0.0)) {
+    const bool is_finite = std::isfinite(pole.real()) && std::isfinite(pole.imag());
+    if (!is_finite || !(is_sampled ? std::abs(pole) < 1.0 : pole.real() < 0.0)) {
       throw request_error(request, "poles",
                           fmt::format("found {}{:+}i, expected {}", pole.real(), pole.imag(),
                                       is_sampled ? "poles inside the unit circle (domain = "
@@ -45,7 +46,7 @@ void check_poles(const BankRequest& request) {
 }
 
 void check_time(const PlantModel& plant, const BankRequest& request) {
-  if (!(request.sample_time_s > 0.0)) {
+  if (!(request.sample_time_s > 0.0) || !std::isfinite(request.sample_time_s)) {
     throw request_error(request, "sample_time_s",
                         fmt::format("found {}, expected a positive number", request.sample_time_s));
   }
@@ -125,7 +126,7 @@ void check_request(const PlantModel& plant, const BankRequest& request) {
   check_concurrent(plant, request);
   check_poles(request);
   check_time(plant, request);
-  if (!(request.threshold > 0.0)) {
+  if (!(request.threshold > 0.0) || !std::isfinite(request.threshold)) {
     throw request_error(
         request, "decision",
         fmt::format("found threshold {}, expected a positive number", request.threshold));

@@ -10,6 +10,7 @@
 
 #include "diagnosis/bank/bank_file.h"
 #include "diagnosis/certify/certify.h"
+#include "diagnosis/design/design_bank.h"
 #include "tests/diagnosis/certify/certify_cases.h"
 #include "tests/diagnosis/geometric_oracle.h"
 #include "tests/diagnosis/hou_plant.h"
@@ -231,6 +232,34 @@ TEST(CheckBank, FindsNothingWrongWithPlantsInAnyUnit) {
       plant.faults[0].size = 1.0 / unit;
       expect_holds(plant, random.certified());
     }
+  }
+}
+
+TEST(CheckBank, FindsNothingWrongWithABankOfAnyKind) {
+  PlantModel plant = hou_plant();
+  plant.disturbances.push_back({"offset", VectorXd::Zero(3), VectorXd::Unit(3, 0), {}});
+  for (const DesignDomain domain : {DesignDomain::kContinuous, DesignDomain::kSampled}) {
+    BankRequest request = hou_request();
+    request.domain = domain;
+    request.poles.clear();
+    request.decay_rate_per_s = 8.0;
+    const auto expect_design_holds = [&] {
+      DesignResult result = design_bank(plant, request);
+      ASSERT_FALSE(result.bank.filters.empty());
+      certify(plant, result.bank);
+      expect_holds(plant, result.bank);
+    };
+    expect_design_holds();
+    request.decouple_constant = {"offset"};
+    expect_design_holds();
+    request.structure = StructureChoice::kSmallest;
+    expect_design_holds();
+    request.structure = StructureChoice::kGiven;
+    request.ignored_sets = {{}, {"u1"}, {"u2", "u4"}};
+    expect_design_holds();
+    request.normalise = false;
+    request.decouple_constant.clear();
+    expect_design_holds();
   }
 }
 
