@@ -1,5 +1,6 @@
 #include "diagnosis/design/check_request.h"
 
+#include <algorithm>
 #include <cmath>
 #include <complex>
 
@@ -89,6 +90,27 @@ void check_concurrent(const PlantModel& plant, const BankRequest& request) {
   }
 }
 
+bool has_matching_shapes(const PlantModel& plant) {
+  const Eigen::Index n = plant.n();
+  const Eigen::Index m = plant.m();
+  const Eigen::Index q = plant.q();
+  const auto fits = [&](const Eigen::VectorXd& state, const Eigen::VectorXd& output) {
+    return state.size() == n && output.size() == q;
+  };
+  return plant.A.cols() == n && plant.B.rows() == n && plant.C.cols() == n && plant.D.rows() == q &&
+         plant.D.cols() == m && std::ssize(plant.state_names) == n &&
+         std::ssize(plant.input_names) == m && std::ssize(plant.output_names) == q &&
+         plant.input_range.size() == m && plant.output_range.size() == q &&
+         plant.x_operating.size() == n && plant.u_operating.size() == m &&
+         plant.y_operating.size() == q &&
+         std::all_of(plant.faults.begin(), plant.faults.end(),
+                     [&](const Fault& fault) { return fits(fault.state, fault.output); }) &&
+         std::all_of(plant.disturbances.begin(), plant.disturbances.end(),
+                     [&](const Disturbance& disturbance) {
+                       return fits(disturbance.state, disturbance.output);
+                     });
+}
+
 // What a plant file cannot say, but a PlantModel made by a program can.
 void check_plant(const PlantModel& plant, const BankRequest& request) {
   if (plant.n() == 0 || plant.q() == 0) {
@@ -96,6 +118,13 @@ void check_plant(const PlantModel& plant, const BankRequest& request) {
                         fmt::format("found plant \"{}\" with {} states and {} outputs, expected "
                                     "at least one of each",
                                     plant.name, plant.n(), plant.q()));
+  }
+  if (!has_matching_shapes(plant)) {
+    throw request_error(
+        request, "plant",
+        fmt::format("found plant \"{}\" with matrices, directions or names of different sizes, "
+                    "expected A n×n, B n×m, C q×n, D q×m, and one name and range per channel",
+                    plant.name));
   }
   bool is_finite = plant.A.allFinite() && plant.B.allFinite() && plant.C.allFinite() &&
                    plant.D.allFinite() && plant.input_range.allFinite() &&

@@ -21,7 +21,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Poles = std::vector<std::complex<double>>;
 
-// Columns of G below this part of B's are rounding errors of exact zeros.
+// Entries of G below this part of B's column are rounding errors of exact zeros.
 constexpr double kRoundingError = 1e-13;
 // The window of the fault size estimate, in time constants of the slowest filter: long enough to
 // tell a step from what the filter still remembers, e^-5 < 1 %. Between sensible bounds, in
@@ -106,12 +106,15 @@ Sensitivities find_sensitivities(const PlantModel& plant, const DesignModel& mod
   return found;
 }
 
-// G = P B, with the columns of ignored inputs exactly zero.
+// G = P B. An input that by the rank decisions cannot be seen is not used at all.
 MatrixXd input_matrix(const GeometricQuotient& quotient, const MatrixXd& B) {
   MatrixXd G = quotient.P * B;
   for (Index j = 0; j < B.cols(); ++j) {
-    const double floor = kRoundingError * B.col(j).cwiseQuotient(quotient.units.state).norm();
-    G.col(j) = (G.col(j).array().abs() > floor).select(G.col(j), 0.0);
+    const double size = B.col(j).cwiseQuotient(quotient.units.state).norm();
+    if (G.col(j).norm() <= kRankTolerance * size) {
+      G.col(j).setZero();
+    }
+    G.col(j) = (G.col(j).array().abs() > kRoundingError * size).select(G.col(j), 0.0);
   }
   return G;
 }
@@ -143,11 +146,13 @@ FilterCertificate empty_certificate(const PlantModel& plant) {
   return certificate;
 }
 
-bool is_finite(const ResidualFilter& filter) {
+// Finite and stable, as it must be but for rounding errors beyond all bounds.
+bool is_usable(const ResidualFilter& filter) {
   const auto matrices = {&filter.F, &filter.E, &filter.G, &filter.M,
                          &filter.H, &filter.K, &filter.L, &filter.J};
   return std::all_of(matrices.begin(), matrices.end(),
-                     [](const MatrixXd* matrix) { return matrix->allFinite(); });
+                     [](const MatrixXd* matrix) { return matrix->allFinite(); }) &&
+         spectral_radius(filter.F) < 1.0;
 }
 
 // ---------------------------------------------------------------------------------- the bank
@@ -288,9 +293,10 @@ class BankDesign {
     filter.ignores = report.ignores;
     filter.sees = found.sees;
     implement(model_, designed, request_.sample_time_s, factor, filter);
-    if (!is_finite(filter)) {
+    if (!is_usable(filter)) {
       report.reason =
-          "its numbers are not finite: the plant's entries differ too much in size, scale it";
+          "its numbers overflow or are all rounding error: the plant's entries differ too much in "
+          "size, scale it";
       return;
     }
     filter.threshold = request_.threshold;

@@ -36,7 +36,7 @@ bool is_seen(const GeometricQuotient& quotient, std::size_t fault) {
 
 // Rank of directions (state and output part), each of length one in balanced units.
 Index direction_rank(const DesignModel& model, const FaultSet& faults) {
-  const Balance units = balance(model.A, model.C, model.faults.state);
+  const Balance units = balance(model.A, model.C, model.faults);
   MatrixXd directions(model.A.rows() + model.C.rows(), std::ssize(faults));
   Index i = 0;
   for (const std::size_t j : faults) {

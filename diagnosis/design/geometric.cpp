@@ -17,8 +17,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Entries of H and E below this fraction of the largest are rounding errors of exact zeros; without
-// them a residual would seem to use channels that it does not use.
+// Entries below this fraction of the largest are rounding errors of exact zeros. With them in H and
+// E a residual would seem to use channels that it does not use.
 constexpr double kRoundingError = 1e-13;
 
 // ‖X‖_F, or 1 for a zero X: what X is measured by.
@@ -47,9 +47,13 @@ MatrixXd unit_columns(const MatrixXd& X) {
   return unit;
 }
 
+// `size` of the terms that X is the difference of.
+MatrixXd without_rounding_errors(const MatrixXd& X, double size) {
+  return (X.array().abs() > kRoundingError * size).select(X, 0.0);
+}
+
 MatrixXd without_rounding_errors(const MatrixXd& X) {
-  const double floor = X.size() == 0 ? 0.0 : kRoundingError * X.cwiseAbs().maxCoeff();
-  return (X.array().abs() > floor).select(X, 0.0);
+  return without_rounding_errors(X, X.size() == 0 ? 0.0 : X.cwiseAbs().maxCoeff());
 }
 
 // Plant with a state for every ignored direction that reaches the output.
@@ -105,7 +109,8 @@ MatrixXd own_projector(const MatrixXd& space, Index dimension, const VectorXd& s
 
 // ‖[P L_j + E_0 D_j; H D_j]‖ / ‖[L_j; D_j]‖ per direction.
 std::vector<double> margins(const MatrixXd& P, const MatrixXd& E_0, const MatrixXd& H,
-                            const MatrixXd& state, const MatrixXd& output) {
+                            const Directions& directions) {
+  const auto& [state, output] = directions;
   std::vector<double> margins;
   for (Index j = 0; j < state.cols(); ++j) {
     const double size = std::hypot(state.col(j).norm(), output.col(j).norm());
@@ -116,11 +121,12 @@ std::vector<double> margins(const MatrixXd& P, const MatrixXd& E_0, const Matrix
   return margins;
 }
 
-// Rows of H: orthonormal basis of (C S)^⊥ within Im [C, D of all faults].
-MatrixXd residual_outputs(const MatrixXd& C, const MatrixXd& fault_outputs, const MatrixXd& CS,
+// Rows of H: orthonormal basis of (C S)^⊥ within Im [C, D of all directions]: a sensor that only a
+// disturbance reaches tells of it.
+MatrixXd residual_outputs(const MatrixXd& C, const MatrixXd& direction_outputs, const MatrixXd& CS,
                           double scale, SubspaceArithmetic& arithmetic) {
   const MatrixXd reached =
-      arithmetic.image(side_by_side(C / scale_of(C), unit_columns(fault_outputs)), 1.0);
+      arithmetic.image(side_by_side(C / scale_of(C), unit_columns(direction_outputs)), 1.0);
   const MatrixXd blind = arithmetic.image(CS, scale);
   const MatrixXd basis = reached * arithmetic.kernel(blind.transpose() * reached, 1.0);
   return without_rounding_errors(canonical_rows(basis * basis.transpose(), basis.cols()));
@@ -135,7 +141,7 @@ UnobservabilitySubspaces unobservability_subspaces(const MatrixXd& A, const Matr
   // hide the others: a plant sampled often has A_d ≈ I.
   const Index n = A.rows();
   const double mean = n == 0 ? 0.0 : A.trace() / static_cast<double>(n);
-  const MatrixXd A_shifted = A - mean * MatrixXd::Identity(n, n);
+  const MatrixXd A_shifted = without_rounding_errors(A - mean * MatrixXd::Identity(n, n), A.norm());
   const MatrixXd A_unit = A_shifted / scale_of(A_shifted);
   const MatrixXd C_unit = C / scale_of(C);
   const MatrixXd L_basis = arithmetic.image(unit_columns(L), 1.0);
@@ -170,13 +176,14 @@ GeometricQuotient geometric_quotient(const MatrixXd& A, const MatrixXd& C,
                                      double tolerance) {
   assert(ignored.state.rows() == A.rows() && ignored.output.rows() == C.rows());
   const Index n = A.rows();
-  const Balance units = balance(A, C, side_by_side(ignored.state, visible.state));
+  const Balance units = balance(
+      A, C,
+      {side_by_side(ignored.state, visible.state), side_by_side(ignored.output, visible.output)});
   const MatrixXd A_b = units.of_state(A);
   const MatrixXd C_b = units.of_output(C);
-  const VectorXd to_state = units.state.cwiseInverse();
-  const VectorXd to_output = units.output.cwiseInverse();
-  const ExtendedPlant plant = extend(
-      A_b, C_b, {to_state.asDiagonal() * ignored.state, to_output.asDiagonal() * ignored.output});
+  const Directions ignored_b = units.of_directions(ignored);
+  const Directions visible_b = units.of_directions(visible);
+  const ExtendedPlant plant = extend(A_b, C_b, ignored_b);
   SubspaceArithmetic arithmetic(tolerance);
   const UnobservabilitySubspaces spaces =
       unobservability_subspaces(plant.A, plant.C, plant.L, arithmetic);
@@ -190,21 +197,20 @@ GeometricQuotient geometric_quotient(const MatrixXd& A, const MatrixXd& C,
   quotient.projector_w = own_projector(spaces.W, quotient.dim_w, units.state);
   quotient.projector_s = own_projector(spaces.S, quotient.dim_s, units.state);
   const MatrixXd P_b = canonical_rows(MatrixXd::Identity(n, n) - projector_s, n - quotient.dim_s);
-  quotient.P = P_b * to_state.asDiagonal();
+  quotient.P = P_b * units.state.cwiseInverse().asDiagonal();
 
   const MatrixXd CS = plant.C * spaces.S;
   const double scale = scale_of(plant.C);
-  const MatrixXd H_b =
-      residual_outputs(C_b, to_output.asDiagonal() * visible.output, CS, scale, arithmetic);
-  quotient.H = H_b * to_output.asDiagonal();
+  const MatrixXd H_b = residual_outputs(C_b, side_by_side(ignored_b.output, visible_b.output), CS,
+                                        scale, arithmetic);
+  quotient.H = H_b * units.output.cwiseInverse().asDiagonal();
   quotient.M = H_b * C_b * P_b.transpose();
   const MatrixXd PAS = P_b * (plant.A * spaces.S).topRows(n);
   const MatrixXd E_b = -PAS * arithmetic.pseudo_inverse(CS, scale);
-  quotient.E_0 = E_b * to_output.asDiagonal();
+  quotient.E_0 = E_b * units.output.cwiseInverse().asDiagonal();
   quotient.A_0 = (P_b * A_b + E_b * C_b) * P_b.transpose();
   quotient.margin = arithmetic.margin();
-  quotient.visible_margin = margins(P_b, E_b, H_b, to_state.asDiagonal() * visible.state,
-                                    to_output.asDiagonal() * visible.output);
+  quotient.visible_margin = margins(P_b, E_b, H_b, visible_b);
   return quotient;
 }
 

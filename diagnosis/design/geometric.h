@@ -10,12 +10,6 @@
 
 namespace faultline {
 
-/// Directions in which signals enter the plant, one per column: `state` n×k, `output` q×k.
-struct Directions {
-  Eigen::MatrixXd state;
-  Eigen::MatrixXd output;
-};
-
 /// W* and S* of (C, A) for L, as orthonormal bases.
 struct UnobservabilitySubspaces {
   Eigen::MatrixXd W;  ///< smallest (C, A)-invariant subspace that contains Im L
@@ -41,7 +35,7 @@ struct UnobservabilitySubspaces {
 /// | symbol | shape |
 /// |---|---|
 /// | P | d×n, d = n - dim S* |
-/// | H | rows×q: basis of (C S*)^⊥ within the outputs that plant and faults reach |
+/// | H | rows×q: basis of (C S*)^⊥ within the outputs that anything reaches |
 /// | M | rows×d |
 /// | A_0, E_0 | d×d, d×q |
 ///
@@ -67,7 +61,8 @@ struct GeometricQuotient {
 /// x_e = (x, m_j), m_j' arbitrary: S* of the extended plant contains that state, hence P_e = [P 0],
 /// P L_j + E D_j = 0 and H D_j = 0. For a mere output direction this is the output projection
 /// N D = 0, C̃ = N C (Hou 2015, section 2.4, corrected); E and H come out for the raw y.
-/// `visible`: directions of all faults; their outputs may give rows of H that C alone does not.
+/// `visible`: directions of all faults. Outputs that only faults or disturbances reach give rows of
+/// H, too.
 [[nodiscard]] GeometricQuotient geometric_quotient(const Eigen::MatrixXd& A,
                                                    const Eigen::MatrixXd& C,
                                                    const Directions& ignored,

@@ -22,7 +22,7 @@ MatrixXd gaussian(Index rows, Index cols, std::mt19937_64& engine) {
 
 TEST(Balance, LeavesAPlantInSaneUnitsAlone) {
   const PlantModel plant = hou_plant();
-  const Balance units = balance(plant.A, plant.C, plant.B);
+  const Balance units = balance(plant.A, plant.C, {plant.B, MatrixXd::Zero(3, 4)});
   EXPECT_TRUE((units.state.array() == 1.0).all());
   EXPECT_TRUE((units.output.array() == 1.0).all());
 }
@@ -41,7 +41,7 @@ TEST(Balance, UndoesScalesOfStatesAndOutputs) {
     const VectorXd s = VectorXd::NullaryExpr(3, scale);
     const MatrixXd A_scaled = t.asDiagonal() * A * t.cwiseInverse().asDiagonal();
     const MatrixXd C_scaled = s.asDiagonal() * C * t.cwiseInverse().asDiagonal();
-    const Balance units = balance(A_scaled, C_scaled, t.asDiagonal() * L);
+    const Balance units = balance(A_scaled, C_scaled, {t.asDiagonal() * L, MatrixXd::Zero(3, 2)});
     // Each unit is a power of 16, and none is off by more than two of them from what was done.
     const MatrixXd A_balanced = units.of_state(A_scaled);
     EXPECT_LT(A_balanced.norm(), 64.0 * A.norm());
@@ -57,7 +57,8 @@ TEST(Balance, SurvivesZerosAndHugeNumbers) {
   MatrixXd A = MatrixXd::Zero(3, 3);
   A(0, 1) = 1e300;
   A(1, 2) = 1e-300;
-  const Balance units = balance(A, MatrixXd::Zero(2, 3), MatrixXd::Zero(3, 0));
+  const Balance units =
+      balance(A, MatrixXd::Zero(2, 3), {MatrixXd::Zero(3, 0), MatrixXd::Zero(2, 0)});
   EXPECT_TRUE(units.state.allFinite() && (units.state.array() > 0.0).all());
   EXPECT_TRUE(units.output.allFinite() && (units.output.array() > 0.0).all());
 }
