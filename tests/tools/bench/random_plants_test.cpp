@@ -394,7 +394,9 @@ TEST_P(RandomPlants, HaveTheirFaultsIsolated) {
       const VerdictEntry expected = prediction.verdict(dose.faults);
       EXPECT_EQ(found.verdict, expected.verdict)
           << verdict_text(found) << ", predicted " << verdict_text(expected);
-      if (!expected.sets.empty()) EXPECT_EQ(found.sets, expected.sets);
+      if (!expected.sets.empty()) {
+        EXPECT_EQ(found.sets, expected.sets);
+      }
     }
   }
   EXPECT_GT(isolated, 0);
