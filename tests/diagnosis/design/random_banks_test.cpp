@@ -201,5 +201,57 @@ RC_GTEST_PROP(RandomBanks, DecoupleInTheSampledLoopOfAContinuousPlant, ()) {
   }
 }
 
+// Units of 1e-4 to 1e4 in the states.
+RC_GTEST_PROP(RandomBanks, AreTheSameInAnyUnitsOfTheState, ()) {
+  const Design design = any_design(8);
+  if (design.plant.C.isZero(0.0)) {
+    return;
+  }
+  const PlantModel moved =
+      transformed(design.plant, random_scaling(design.plant.n(), 4.0, design.recipe.seed + 10));
+  const DesignResult result = design_bank(moved, design.request);
+  compare(design.result, result);
+  for (const ResidualFilter& filter : result.bank.filters) {
+    for (const std::complex<double> z : kPoints) {
+      RC_ASSERT(reference::leak_of_inputs(design.plant, filter, z).relative() < kDecoupled);
+    }
+    for (const std::size_t j : filter.ignores) {
+      RC_ASSERT(worst_leak(design.plant, filter, reference::fault_directions(design.plant, {j})) <
+                kDecoupled);
+    }
+  }
+}
+
+// An actuator that has to be ignored, with P b = 2.5e-13 for rounding.
+TEST(RandomBanks, DoNotUseAnInputTheyIgnoreForRounding) {
+  const PlantModel plant =
+      as_discrete(random_plant({PlantKind::kHighRelativeDegree, 2, 2, 1, 163076}));
+  for (const ResidualFilter& filter : design_bank(plant, request_for(plant, 1)).bank.filters) {
+    for (const std::size_t j : filter.ignores) {
+      EXPECT_EQ(filter.G.col(static_cast<Index>(j)).norm(), 0.0) << filter.name;
+    }
+  }
+}
+
+// An actuator and a sensor of its own on a state hide from the balance that its unit differs:
+// of {297969} no unit is changed, of {25055} units come out that are worse than they were.
+TEST(RandomBanks, AreTheSameInUnitsThatTheBalanceDoesNotSee) {
+  for (const PlantRecipe& recipe : {PlantRecipe{PlantKind::kWholeDisturbances, 2, 2, 1, 297969},
+                                    PlantRecipe{PlantKind::kWholeDisturbances, 5, 2, 3, 25055}}) {
+    const PlantModel plant = as_discrete(random_plant(recipe));
+    const MatrixXd T = random_scaling(recipe.n, 4.0, recipe.seed + 10);
+    for (const std::size_t p : {std::size_t{1}, std::size_t{2}}) {
+      const BankRequest request = request_for(plant, p);
+      const DesignResult usual = design_bank(plant, request);
+      const DesignResult moved = design_bank(transformed(plant, T), request);
+      for (std::size_t i = 0; i < usual.residuals.size(); ++i) {
+        SCOPED_TRACE(testing::Message() << recipe << ' ' << usual.residuals[i].name);
+        EXPECT_EQ(usual.residuals[i].dim_w, moved.residuals[i].dim_w);
+        EXPECT_EQ(usual.residuals[i].dim_s, moved.residuals[i].dim_s);
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace faultline
