@@ -334,20 +334,6 @@ TEST(BadPlants, WithNumbersThatAreNoneAreRefused) {
     refuses("fault size", [&](PlantModel& plant) { plant.faults[0].size = bad; });
     refuses("output range", [&](PlantModel& plant) { plant.output_range[0] = bad; });
   }
-  for (const double bad : {kNan, -kInfinity}) {
-    BankRequest request = request_for();
-    request.poles.front() = bad;
-    EXPECT_NE(design(good_plant(), request).refusal, "");
-    request = hou_request();
-    request.poles = {bad};
-    EXPECT_NE(design(hou_plant(), request).refusal, "");
-  }
-  BankRequest request = hou_request();
-  request.sample_time_s = kInfinity;
-  EXPECT_NE(design(hou_plant(), request).refusal, "");
-  request = hou_request();
-  request.threshold = kInfinity;
-  EXPECT_NE(design(hou_plant(), request).refusal, "");
 }
 
 TEST(BadPlants, WithoutStatesAreRefusedOrCorrect) {
@@ -381,6 +367,61 @@ TEST(BadPlants, WithoutOutputsAreRefusedOrNotSolvable) {
     EXPECT_FALSE(outcome.result.is_solvable);
     EXPECT_TRUE(outcome.result.bank.filters.empty());
   }
+}
+
+TEST(BadPlants, OfShapesThatDoNotFitAreRefused) {
+  const auto refuses = [](const std::string& what, auto change) {
+    SCOPED_TRACE(what);
+    PlantModel plant = good_plant();
+    change(plant);
+    EXPECT_NE(design(plant, request_for()).refusal, "");
+  };
+  refuses("A", [](PlantModel& plant) { plant.A.conservativeResize(4, 3); });
+  refuses("fault", [](PlantModel& plant) { plant.faults[0].state.conservativeResize(2); });
+  refuses("names", [](PlantModel& plant) { plant.output_names.pop_back(); });
+}
+
+// Decoupling is not asked for at such sizes; a filter that is no filter must not be in a bank.
+TEST(BadPlants, WithAnEntryOfAnySizeInAGetNoUnstableFilter) {
+  for (const double size : {1e150, 1e200, 1e250, 1e300}) {
+    PlantModel plant = good_plant();
+    plant.A(1, 2) = size;
+    const Outcome outcome = design(plant, request_for());
+    for (const ResidualFilter& filter : outcome.result.bank.filters) {
+      EXPECT_LT(spectral_radius(filter.F), 1.0) << filter.name << " with " << size << " in A";
+    }
+  }
+}
+
+// x' = A x, y = u-free of x: W* of a mixed direction has dimension 2, in any units.
+TEST(BadPlants, WhoseOutputsSeeNothingHaveTheSameDimensionsInAnyUnits) {
+  PlantModel plant = as_discrete(random_plant({PlantKind::kWholeMixed, 2, 2, 1, 39214}));
+  ASSERT_TRUE(plant.C.isZero(0.0));
+  const VectorXd T = Eigen::Vector2d(2.6441, 0.000265039);
+  BankRequest request = request_for(2);
+  request.sample_time_s = 1.0;
+  const DesignResult usual = design_bank(plant, request);
+  const DesignResult moved = design_bank(transformed(plant, T.asDiagonal()), request);
+  for (std::size_t i = 0; i < usual.residuals.size(); ++i) {
+    EXPECT_EQ(usual.residuals[i].dim_w, moved.residuals[i].dim_w) << usual.residuals[i].name;
+  }
+}
+
+TEST(BadRequests, WithNumbersThatAreNotFiniteAreRefused) {
+  for (const double bad : {kNan, -kInfinity}) {
+    BankRequest request = request_for();
+    request.poles.front() = bad;
+    EXPECT_NE(design(good_plant(), request).refusal, "");
+    request = hou_request();
+    request.poles = {bad};
+    EXPECT_NE(design(hou_plant(), request).refusal, "");
+  }
+  BankRequest request = hou_request();
+  request.sample_time_s = kInfinity;
+  EXPECT_NE(design(hou_plant(), request).refusal, "");
+  request = hou_request();
+  request.threshold = kInfinity;
+  EXPECT_NE(design(hou_plant(), request).refusal, "");
 }
 
 }  // namespace

@@ -313,5 +313,21 @@ RC_GTEST_PROP(CompleteFilter, HasTheCharacteristicPolynomialAskedFor, ()) {
             kRounding * scale);
 }
 
+// y1 = x1 + d, y2 = x2, y3 = d: y1 - y3 is free of the disturbance, and of faults on x2.
+TEST(GeometricQuotient, UsesASensorThatSeesADisturbanceAlone) {
+  const MatrixXd A = (MatrixXd(2, 2) << -1, 0, 1, -2).finished();
+  const MatrixXd C = MatrixXd::Identity(3, 2);
+  Directions ignored{MatrixXd::Zero(2, 2), MatrixXd::Zero(3, 2)};
+  ignored.state(1, 0) = 1.0;
+  ignored.output(0, 1) = 1.0;
+  ignored.output(2, 1) = 1.0;
+  const GeometricQuotient quotient =
+      geometric_quotient(A, C, ignored, {MatrixXd::Identity(2, 2), MatrixXd::Zero(3, 2)});
+  EXPECT_EQ(quotient.dim_s, 1);
+  ASSERT_EQ(quotient.H.rows(), 1);
+  EXPECT_NEAR(quotient.H(0, 0), -quotient.H(0, 2), 1e-12);
+  EXPECT_NEAR(quotient.H(0, 1), 0.0, 1e-12);
+}
+
 }  // namespace
 }  // namespace faultline
