@@ -235,7 +235,9 @@ PolePlacement place_poles(const MatrixXd& A_0, const MatrixXd& M, const Poles& p
     const MatrixXcd X = best_eigenvectors(spaces, poles, result.condition);
     if (!(result.condition < kMaxCondition)) {
       result.reason = fmt::format(
-          "these {} poles have no independent eigenvectors here: give more different ones", d);
+          "these {} poles have no independent eigenvectors here (condition {:.0e}): give more "
+          "different ones, nearer to the plant's own rates, or decay_rate_per_s instead",
+          d, result.condition);
       return result;
     }
     const MatrixXcd spectrum = Eigen::Map<const VectorXcd>(poles.data(), d).asDiagonal();
