@@ -65,7 +65,7 @@ void add_filter_json(Json& json, const Bank& bank, const ResidualReport& report,
     const std::string& fault = bank.fault_names[j];
     if (filter.sees[j] != Sensitivity::kNone) json["responds_to"].push_back(fault);
     if (filter.sees[j] == Sensitivity::kTransient) json["transient_only"].push_back(fault);
-    json["margins"][fault] = report.margin[j];
+    json["margins"][fault] = filter.certificate.margin[j];
     json["dc_gain"][fault] = report.dc_gain[j];
   }
   const Eigen::VectorXcd poles = eigenvalues(filter.F);

@@ -25,7 +25,9 @@ struct ResidualReport {
   Eigen::Index rows = 0;          ///< rows of the residual
   RankMargin rank_margin;         ///< of all rank decisions behind it
   DimensionStability stability;   ///< tolerances that give the same dimensions
-  std::vector<double> margin;  ///< per fault: ‖b_j - Π_S b_j‖ / ‖b_j‖; empty if it has no row
+  /// Per fault, what decided whether it is seen: GeometricQuotient::visible_margin; empty if it has
+  /// no row.
+  std::vector<double> margin;
   std::vector<Sensitivity> sees;            ///< per fault; empty if it does not exist
   std::vector<double> dc_gain;              ///< per fault, per fault size, before discretisation
   std::vector<std::complex<double>> poles;  ///< of F, before discretisation
