@@ -39,6 +39,7 @@ void write_json(const nlohmann::ordered_json& value, const std::string& target);
 [[nodiscard]] std::FILE* human_output(const std::string& json_target);
 
 /// Each command adds itself to the program; `exit_code` is what it answered.
+void add_check_command(CLI::App& program, int& exit_code);
 void add_design_command(CLI::App& program, int& exit_code);
 void add_run_command(CLI::App& program, int& exit_code);
 void add_info_command(CLI::App& program, int& exit_code);

@@ -1,11 +1,14 @@
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
 #include <system_error>
+#include <vector>
 
 #include <CLI/App.hpp>
 #include <CLI/Validators.hpp>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
 #include "diagnosis/bank/bank_file.h"
@@ -13,104 +16,89 @@
 #include "diagnosis/design/design_bank.h"
 #include "tools/bank_print.h"
 #include "tools/bench/bench_inputs.h"
+#include "tools/bench/certified_design.h"
 #include "tools/cli.h"
+#include "tools/design_json.h"
+#include "tools/quantisation.h"
 
 namespace faultline {
 namespace {
 
-using Json = nlohmann::ordered_json;
+// Leakage from an ignored fault of size one beyond this part of the threshold is worth a warning.
+constexpr double kMuchLeakage = 0.2;
 
 struct DesignArguments {
-  std::string request, output, json;
+  std::string request, output, json, dbc;
+  bool is_partial = false;
 };
 
-std::string join_names(const Bank& bank, const std::vector<std::size_t>& faults) {
-  std::vector<std::string> names;
-  for (const std::size_t fault : faults) names.push_back(bank.fault_names[fault]);
-  return fmt::format("{}", fmt::join(names, ", "));
+void print_verdict(std::FILE* out, const PlantModel& plant, const DesignResult& result) {
+  fmt::print(
+      out, "{}: {} for plant \"{}\" ({} states, {} inputs, {} outputs, {} faults)\n",
+      result.bank.name,
+      result.is_solvable ? "solvable, every residual exists and sees what it must" : "NOT SOLVABLE",
+      plant.name, plant.n(), plant.m(), plant.q(), plant.faults.size());
+  if (result.candidate_count > 0) {
+    fmt::print(out, "  {} of {} residuals are enough{}\n", result.residuals.size(),
+               result.candidate_count,
+               result.is_structure_proved_smallest ? "; fewer are not"
+                                                   : "; that fewer are not was not proved");
+  }
 }
 
+// What does not exist, then per ignored set and reason which faults it hides.
 void print_failures(std::FILE* out, const DesignResult& result) {
-  for (const ResidualReport& report : result.residuals) {
-    if (report.exists) continue;
-    fmt::print(out, "  {} (ignores {}): {}\n", report.name, join_names(result.bank, report.ignores),
-               report.reason);
+  const std::vector<std::string>& names = result.bank.fault_names;
+  if (result.failing.empty()) return;
+  fmt::print(out, "\n  what fails\n");
+  std::map<std::pair<FaultSet, std::string>, std::vector<std::size_t>> hidden;
+  for (const DesignFailure& failure : result.failing) {
+    hidden[{failure.ignores, failure.reason}].push_back(failure.fault);
   }
-  for (const DesignResult::Failure& failure : result.failing) {
-    fmt::print(out, "  {{{}}} hides {}: the residual that ignores the first cannot see the last\n",
-               join_names(result.bank, failure.ignores), result.bank.fault_names[failure.fault]);
+  for (const auto& [key, faults] : hidden) {
+    const auto& [ignores, reason] = key;
+    fmt::print(out, "  ignoring {{{}}} hides {}: {}\n", join_names(names, ignores),
+               join_names(names, faults), reason);
   }
 }
 
-Json names_json(const Bank& bank, const std::vector<std::size_t>& faults) {
-  Json json = Json::array();
-  for (const std::size_t fault : faults) json.push_back(bank.fault_names[fault]);
-  return json;
-}
-
-Json matrix_json(const Eigen::MatrixXd& matrix) {
-  Json rows = Json::array();
-  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-    Json row = Json::array();
-    for (Eigen::Index j = 0; j < matrix.cols(); ++j) row.push_back(matrix(i, j));
-    rows.push_back(row);
-  }
-  return rows;
-}
-
-void add_filter_json(Json& json, const Bank& bank, const ResidualFilter& filter) {
-  json["responds_to"] = Json::array();
-  json["transient_only"] = Json::array();
-  json["margins"] = Json::object();
-  json["dc_gain"] = Json::object();
-  for (std::size_t j = 0; j < bank.fault_names.size(); ++j) {
-    const std::string& fault = bank.fault_names[j];
-    if (filter.sees[j] != Sensitivity::kNone) json["responds_to"].push_back(fault);
-    if (filter.sees[j] == Sensitivity::kTransient) json["transient_only"].push_back(fault);
-    json["margins"][fault] = filter.certificate.margin[j];
-    json["dc_gain"][fault] = filter.certificate.dc_gain[j];
-  }
-  json["poles"] = Json::array();
-  const Eigen::VectorXcd poles = eigenvalues(filter.F);
-  for (const std::complex<double>& pole : poles) {
-    json["poles"].push_back({pole.real(), pole.imag()});
-  }
-  json["threshold"] = filter.threshold;
-  json["forget_samples"] = filter.forget_samples;
-  json["certificate"] = {{"spectral_radius", filter.certificate.spectral_radius},
-                         {"MP_HC", filter.certificate.residual_MP_HC},
-                         {"FP_PA_EC", filter.certificate.residual_FP_PA_EC},
-                         {"leakage_decoupled", filter.certificate.leakage_decoupled}};
-}
-
-Json design_json(const DesignResult& result) {
-  const Bank& bank = result.bank;
-  Json json{{"name", bank.name},
-            {"solvable", result.is_solvable},
-            {"failing", Json::array()},
-            {"signatures_distinct", result.are_signatures_distinct},
-            {"residuals", Json::array()}};
-  for (const DesignResult::Failure& failure : result.failing) {
-    json["failing"].push_back({{"ignores", names_json(bank, failure.ignores)},
-                               {"fault", bank.fault_names[failure.fault]}});
-  }
-  for (const ResidualReport& report : result.residuals) {
-    Json residual{{"name", report.name},
-                  {"decouples", names_json(bank, report.ignores)},
-                  {"exists", report.exists},
-                  {"dim_w", report.dim_w},
-                  {"dim_s", report.dim_s},
-                  {"projector_w", matrix_json(report.projector_w)},
-                  {"projector_s", matrix_json(report.projector_s)},
-                  {"quotient_dim", report.quotient_dim},
-                  {"rows", report.rows}};
-    if (!report.reason.empty()) residual["reason"] = report.reason;
-    for (const ResidualFilter& filter : bank.filters) {
-      if (filter.name == report.name) add_filter_json(residual, bank, filter);
+void print_indistinguishable(std::FILE* out, const DesignResult& result) {
+  if (result.indistinguishable.empty()) return;
+  fmt::print(out, "\n  one signature each\n");
+  for (const std::vector<FaultSet>& group : result.indistinguishable) {
+    std::vector<std::string> sets;
+    for (const FaultSet& set : group) {
+      sets.push_back(set.empty() ? "no fault"
+                                 : fmt::format("{{{}}}", join_names(result.bank.fault_names, set)));
     }
-    json["residuals"].push_back(residual);
+    fmt::print(out, "    {}\n", fmt::join(sets, "  "));
   }
-  return json;
+}
+
+void print_warnings(std::FILE* out, const DesignResult& result) {
+  const Bank& bank = result.bank;
+  for (const ResidualReport& report : result.residuals) {
+    if (report.stability.tolerance_min > 1e-12 || report.stability.tolerance_max < 1e-6) {
+      fmt::print(
+          out,
+          "  WARNING  {}: its dimensions hold only for rank tolerances {:g} .. {:g} (smallest "
+          "number kept {:.1g}, largest dropped {:.1g}): the plant's data decide it narrowly\n",
+          report.name, report.stability.tolerance_min, report.stability.tolerance_max,
+          report.rank_margin.smallest_kept, report.rank_margin.largest_dropped);
+    }
+  }
+  for (const ResidualFilter& filter : bank.filters) {
+    for (std::size_t j = 0; j < bank.fault_names.size(); ++j) {
+      const double leak = filter.certificate.fault_gain[j];
+      if (filter.sees[j] == Sensitivity::kNone && leak > kMuchLeakage * filter.threshold) {
+        fmt::print(
+            out,
+            "  WARNING  {}: {} leaks through discretisation, up to {:.0f} % of the threshold "
+            "per fault size: domain = \"sampled\" or a shorter sample time would keep it out\n",
+            filter.name, bank.fault_names[j], 100.0 * leak / filter.threshold);
+      }
+    }
+  }
 }
 
 /// bank.toml → bank.bank.json beside it.
@@ -118,41 +106,61 @@ std::filesystem::path default_output(const std::filesystem::path& request) {
   return std::filesystem::path(request).replace_extension(".bank.json");
 }
 
-int design(const DesignArguments& arguments) {
-  const BankRequest request = read_bank_request(arguments.request);
-  const PlantModel plant = read_requested_plant(request);
-  const DesignResult result = design_bank(plant, request);
-  std::FILE* out = human_output(arguments.json);
-  fmt::print(out, "{}: {} for plant \"{}\"\n", result.bank.name,
-             result.is_solvable ? "every residual exists and sees what it must" : "NOT SOLVABLE",
-             plant.name);
-  print_bank(out, result.bank);
-  print_failures(out, result);
-  if (!arguments.json.empty()) write_json(design_json(result), arguments.json);
-  if (!result.is_solvable) return kExitNo;
+void write(const Bank& bank, const DesignArguments& arguments, std::FILE* out) {
   const std::filesystem::path output = arguments.output.empty()
                                            ? default_output(arguments.request)
                                            : std::filesystem::path(arguments.output);
   try {
-    write_bank(result.bank, output);
+    write_bank(bank, output);
   } catch (const std::system_error& error) {
     throw OutputError(error.what());
   }
   fmt::print(out, "\n  written to {}\n", output.string());
-  return kExitYes;
+}
+
+int design(const DesignArguments& arguments) {
+  const BankRequest request = read_bank_request(arguments.request);
+  const PlantModel plant = read_requested_plant(request);
+  const DesignResult result = designed_and_certified(plant, request);
+  std::FILE* out = human_output(arguments.json);
+  nlohmann::ordered_json json = design_json(result);
+  print_verdict(out, plant, result);
+  if (!result.bank.filters.empty()) print_bank(out, result.bank);
+  print_failures(out, result);
+  print_indistinguishable(out, result);
+  if (!arguments.dbc.empty()) {
+    const auto errors = quantisation_errors(result.bank, arguments.dbc);
+    print_quantisation(out, result.bank, errors);
+    json["quantisation"] = quantisation_json(result.bank, errors);
+  }
+  print_warnings(out, result);
+  if (!arguments.json.empty()) write_json(json, arguments.json);
+  const bool has_partial_bank = !result.is_solvable && !result.bank.filters.empty();
+  if (result.is_solvable || (has_partial_bank && arguments.is_partial)) {
+    write(result.bank, arguments, out);
+  } else if (has_partial_bank) {
+    fmt::print(out, "\n  not written; --partial writes the residuals that exist\n");
+  }
+  return result.is_solvable ? kExitYes : kExitNo;
 }
 
 }  // namespace
 
 void add_design_command(CLI::App& program, int& exit_code) {
-  CLI::App* command =
-      program.add_subcommand("design", "Design the residual bank that a bank.toml asks for");
+  CLI::App* command = program.add_subcommand(
+      "design", "Design and certify the residual bank that a bank.toml asks for");
   auto arguments = std::make_shared<DesignArguments>();
   command->add_option("BANK", arguments->request, "Bank request (bank.toml)")
       ->required()
       ->check(CLI::ExistingFile);
   command->add_option("-o,--output", arguments->output,
                       "Bank file to write; default: BANK with extension .bank.json");
+  command
+      ->add_option("--dbc", arguments->dbc,
+                   "Also tell what rounding to the signals of this DBC does to each residual")
+      ->check(CLI::ExistingFile);
+  command->add_flag("--partial", arguments->is_partial,
+                    "Write the residuals that exist even if not all do; the answer stays no (1)");
   add_json_option(*command, arguments->json);
   command->footer(kExitCodesHelp);
   command->callback([arguments, &exit_code] { exit_code = design(*arguments); });

@@ -161,11 +161,30 @@ Json info_of_log(const std::filesystem::path& file, std::FILE* out) {
   for (const LogInfo::VerdictChange& change : info.verdicts) {
     std::vector<std::string> sets;
     for (const auto& set : change.sets) sets.push_back(fmt::format("{}", fmt::join(set, ", ")));
-    fmt::print(out, "  {:>10.3f} s  {} {}\n", change.t_s, change.verdict, fmt::join(sets, " | "));
+    Json estimates = Json::array();
+    std::vector<std::string> details;
+    if (change.cause != "none" && change.cause != "complete") details.push_back(change.cause);
+    for (const LogInfo::Estimate& estimate : change.estimates) {
+      const bool has_deviation = estimate.deviation >= 0.0;
+      details.push_back(fmt::format(
+          "{} = {:.6g}{}", estimate.fault, estimate.value,
+          has_deviation ? fmt::format(" +- {:.2g}", estimate.deviation) : std::string()));
+      estimates.push_back(
+          {{"fault", estimate.fault},
+           {"value", estimate.value},
+           {"deviation", has_deviation ? Json(estimate.deviation) : Json(nullptr)}});
+    }
+    if (change.onset_cycle >= 0)
+      details.push_back(fmt::format("onset cycle {}", change.onset_cycle));
+    fmt::print(out, "  {:>10.3f} s  {} {}{}\n", change.t_s, change.verdict, fmt::join(sets, " | "),
+               details.empty() ? "" : fmt::format("  ({})", fmt::join(details, ", ")));
     json["verdicts"].push_back({{"cycle", change.cycle},
                                 {"t_s", change.t_s},
                                 {"verdict", change.verdict},
-                                {"sets", change.sets}});
+                                {"cause", change.cause},
+                                {"onset_cycle", change.onset_cycle},
+                                {"sets", change.sets},
+                                {"estimates", estimates}});
   }
   if (info.undecodable > 0) {
     fmt::print(out, "  {} messages on our channels are not of our types\n", info.undecodable);

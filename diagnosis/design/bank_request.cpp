@@ -16,10 +16,20 @@ void refuse_unsupported(TomlTable& root) {
   if (const std::string method = root.string("method"); method != "geometric") {
     throw root.error("method", fmt::format("found \"{}\", expected \"geometric\"", method));
   }
-  if (root.has("structure") &&
-      (!root.is_string("structure") || root.string("structure") != "all")) {
-    throw root.error("structure", "found another structure, expected \"all\"");
+}
+
+void read_structure(TomlTable& root, BankRequest& request) {
+  if (!root.has("structure")) {
+    return;
   }
+  if (!root.is_string("structure")) {
+    request.structure = StructureChoice::kGiven;
+    request.ignored_sets = root.string_lists("structure");
+    return;
+  }
+  request.structure = root.choice("structure", {"all", "smallest"}) == "smallest"
+                          ? StructureChoice::kSmallest
+                          : StructureChoice::kAll;
 }
 
 double read_positive(TomlTable& table, std::string_view key) {
@@ -28,6 +38,17 @@ double read_positive(TomlTable& table, std::string_view key) {
     throw table.error(key, fmt::format("found {}, expected a positive number", value));
   }
   return value;
+}
+
+void read_poles(TomlTable& root, BankRequest& request) {
+  if (!root.has("decay_rate_per_s")) {
+    request.poles = root.complex_numbers("poles");
+    return;
+  }
+  if (root.has("poles")) {
+    throw root.error("decay_rate_per_s", "found it beside \"poles\", expected one of the two");
+  }
+  request.decay_rate_per_s = read_positive(root, "decay_rate_per_s");
 }
 
 std::uint32_t read_count(TomlTable& table, std::string_view key, std::uint32_t otherwise) {
@@ -46,6 +67,9 @@ void read_decision(TomlTable decision, BankRequest& request) {
   request.threshold = read_positive(decision, "threshold");
   request.decision.dwell = read_count(decision, "dwell", DecisionRule().dwell);
   request.decision.settle = read_count(decision, "settle", DecisionRule().settle);
+  if (decision.has("window")) {
+    request.window = read_count(decision, "window", DecisionRule().window);
+  }
 }
 
 BankRequest read_request(TomlTable root) {
@@ -60,12 +84,15 @@ BankRequest read_request(TomlTable root) {
   refuse_unsupported(root);
   request.method = root.string("method");
   request.concurrent = read_count(root, "concurrent", 1);
-  request.poles = root.complex_numbers("poles");
+  read_poles(root, request);
   if (root.has("domain") && root.choice("domain", {"continuous", "sampled"}) == "sampled") {
     request.domain = DesignDomain::kSampled;
   }
   request.sample_time_s = read_positive(root, "sample_time_s");
   request.decouple = root.optional_strings("decouple").value_or(std::vector<std::string>());
+  request.decouple_constant =
+      root.optional_strings("decouple_constant").value_or(std::vector<std::string>());
+  read_structure(root, request);
   request.normalise = root.optional_boolean("normalise").value_or(true);
   read_decision(root.table("decision"), request);
   root.finish();

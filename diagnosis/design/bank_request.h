@@ -1,7 +1,9 @@
 #pragma once
 
 #include <complex>
+#include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -11,9 +13,11 @@
 
 namespace faultline {
 
-enum class DesignDomain {
-  kContinuous,  ///< filter designed on (A, B), then discretised: y by first-order hold, u by ZOH
-  kSampled,     ///< filter designed on the exactly sampled (A_d, B_d)
+/// Which residuals a bank has.
+enum class StructureChoice {
+  kAll,       ///< one per set of p faults, which it ignores
+  kSmallest,  ///< as few as still isolate; some may ignore more than p faults
+  kGiven,     ///< one per set of `ignored_sets`
 };
 
 /// What bank.toml asks for.
@@ -24,14 +28,22 @@ struct BankRequest {
   std::size_t concurrent = 1;  ///< p
   /// Of F: s plane in the continuous domain, z plane in the sampled one. A complex one has its
   /// conjugate directly behind it ("[-3, 4], [-3, -4]" in the file). A residual of order d takes
-  /// the first d; a single one repeats where that is possible.
+  /// the first d; a single one repeats where that is possible. Empty: `decay_rate_per_s` instead.
   std::vector<std::complex<double>> poles;
+  /// All poles decay at least this fast: Re λ <= -rate, |z| <= exp(-rate·sample_time_s).
+  std::optional<double> decay_rate_per_s;
   DesignDomain domain = DesignDomain::kContinuous;
   double sample_time_s = 0.0;
   std::vector<std::string> decouple;  ///< names of disturbances that no residual may see
+  /// Names of disturbances that no residual may see while they are constant (a bias, a load).
+  std::vector<std::string> decouple_constant;
+  StructureChoice structure = StructureChoice::kAll;
+  std::vector<std::vector<std::string>> ignored_sets;  ///< names of faults, for kGiven
   bool normalise = true;
   double threshold = 0.0;  ///< τ, in fault sizes when normalised
   DecisionRule decision;
+  /// DecisionRule::window; absent: five time constants of the slowest filter.
+  std::optional<std::uint32_t> window;
   std::string text;    ///< the file, whole
   std::string source;  ///< its name
 };

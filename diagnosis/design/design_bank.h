@@ -1,10 +1,13 @@
 #pragma once
 
+#include <complex>
 #include <string>
 #include <vector>
 
 #include "diagnosis/bank/bank.h"
 #include "diagnosis/design/bank_request.h"
+#include "diagnosis/design/design_model.h"
+#include "diagnosis/design/geometric.h"
 #include "diagnosis/model/plant_model.h"
 
 namespace faultline {
@@ -12,35 +15,52 @@ namespace faultline {
 /// A residual that was asked for, and what became of it.
 struct ResidualReport {
   std::string name;
-  std::vector<std::size_t> ignores;
+  FaultSet ignores;
   bool exists = false;
   Eigen::Index dim_w = 0;         ///< dim W*
   Eigen::Index dim_s = 0;         ///< dim S*
-  Eigen::MatrixXd projector_w;    ///< n×n
+  Eigen::MatrixXd projector_w;    ///< n×n; states, then constant disturbances
   Eigen::MatrixXd projector_s;    ///< n×n
   Eigen::Index quotient_dim = 0;  ///< n - dim S*
   Eigen::Index rows = 0;          ///< rows of the residual
-  std::string reason;             ///< why it does not exist; empty if it does
+  RankMargin rank_margin;         ///< of all rank decisions behind it
+  DimensionStability stability;   ///< tolerances that give the same dimensions
+  /// Per fault, what decided whether it is seen: GeometricQuotient::visible_margin; empty if it has
+  /// no row.
+  std::vector<double> margin;
+  std::vector<Sensitivity> sees;            ///< per fault; empty if it does not exist
+  std::vector<double> dc_gain;              ///< per fault, per fault size, before discretisation
+  std::vector<std::complex<double>> poles;  ///< of F, before discretisation
+  std::string reason;                       ///< why it does not exist; empty if it does
+};
+
+/// A residual that cannot see a fault which it should.
+struct DesignFailure {
+  FaultSet ignores;
+  std::size_t fault = 0;
+  std::string reason;
 };
 
 /// The answer of a design. "Not solvable" is an answer, not an error.
 struct DesignResult {
-  bool is_solvable = false;  ///< every residual asked for exists and sees every fault it must
-  Bank bank;                 ///< of the residuals that exist
+  /// Every residual asked for exists and sees every fault it must; with the smallest structure: all
+  /// signatures are distinct.
+  bool is_solvable = false;
+  Bank bank;  ///< of the residuals that exist; certificates are not filled in (diagnosis/certify)
   std::vector<ResidualReport> residuals;
-  /// Sets {ignored | fault}: the residual that ignores them cannot see this fault.
-  struct Failure {
-    std::vector<std::size_t> ignores;
-    std::size_t fault = 0;
-  };
-  std::vector<Failure> failing;
+  std::vector<DesignFailure> failing;
   bool are_signatures_distinct =
       false;  ///< generic signatures of all sets of up to p faults differ
+  /// Sets of up to p faults that have one signature, in groups of two and more.
+  std::vector<std::vector<FaultSet>> indistinguishable;
+  std::size_t candidate_count = 0;           ///< smallest structure: residuals to choose from
+  bool is_structure_proved_smallest = true;  ///< false: the search was cut short
 };
 
 /// Designs the bank that `request` asks for, for `plant`.
 /// @throws InputError what is asked cannot be asked of this plant (poles outside the stable region,
-///   unpaired complex poles, unknown disturbance, no faults, p < 1, method unknown).
+///   unpaired complex poles, more often than possible; unknown disturbance or fault; no state, no
+///   output, no fault; numbers that are not finite; p < 1; method unknown).
 [[nodiscard]] DesignResult design_bank(const PlantModel& plant, const BankRequest& request);
 
 }  // namespace faultline

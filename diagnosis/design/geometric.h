@@ -1,20 +1,14 @@
 #pragma once
 
-#include <complex>
-#include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "diagnosis/design/balance.h"
+#include "diagnosis/design/pole_placement.h"
 #include "diagnosis/design/subspace.h"
 
 namespace faultline {
-
-/// Directions in which signals enter the plant, one per column: `state` n×k, `output` q×k.
-struct Directions {
-  Eigen::MatrixXd state;
-  Eigen::MatrixXd output;
-};
 
 /// W* and S* of (C, A) for L, as orthonormal bases.
 struct UnobservabilitySubspaces {
@@ -36,21 +30,28 @@ struct UnobservabilitySubspaces {
 /// The part of the plant that a residual can still see when it ignores given directions, before its
 /// poles are chosen:
 ///
-///   Ker P = S*, orthonormal rows;  M P = H C;  A_0 P = P A + E_0 C
+///   Ker P = S*;  M P = H C;  A_0 P = P A + E_0 C
 ///
 /// | symbol | shape |
 /// |---|---|
 /// | P | d×n, d = n - dim S* |
-/// | H | rows×q, orthonormal rows: basis of (C S*)^⊥ within the outputs that plant and faults reach
-/// | | M | rows×d | | A_0, E_0 | d×d, d×q |
+/// | H | rows×q: basis of (C S*)^⊥ within the outputs that anything reaches |
+/// | M | rows×d |
+/// | A_0, E_0 | d×d, d×q |
 ///
-/// No residual exists if H has no row.
+/// Ranks are decided, and rows of P and H are orthonormal, in balanced units (balance.h), which are
+/// the plant's own unless these differ by more than a factor of 16. No residual exists if H has no
+/// row.
 struct GeometricQuotient {
   Eigen::Index dim_w = 0;
   Eigen::Index dim_s = 0;
-  Eigen::MatrixXd projector_w, projector_s;  ///< n×n
+  Eigen::MatrixXd projector_w, projector_s;  ///< n×n, orthogonal in the plant's own units
   Eigen::MatrixXd P, H, M, A_0, E_0;
+  Balance units;
   RankMargin margin;
+  /// Per visible direction, how far it is from what is ignored, in balanced units:
+  /// ‖b_j - Π_S b_j‖ / ‖b_j‖; with an output part ‖[P L_j + E_0 D_j; H D_j]‖ / ‖[L_j; D_j]‖.
+  std::vector<double> visible_margin;
 };
 
 /// The quotient for x' = A x + Σ L_j m_j, y = C x + Σ D_j m_j with the directions (L_j, D_j) of
@@ -59,23 +60,36 @@ struct GeometricQuotient {
 /// A direction that reaches the output is decoupled exactly through the state it gets in
 /// x_e = (x, m_j), m_j' arbitrary: S* of the extended plant contains that state, hence P_e = [P 0],
 /// P L_j + E D_j = 0 and H D_j = 0. For a mere output direction this is the output projection
-/// N D = 0, C̃ = N C (geometric.md 1.4); E and H come out for the raw y.
-/// `visible`: directions of all faults; their outputs may give rows of H that C alone does not.
+/// N D = 0, C̃ = N C (Hou 2015, section 2.4, corrected); E and H come out for the raw y.
+/// `visible`: directions of all faults. Outputs that only faults or disturbances reach give rows of
+/// H, too.
 [[nodiscard]] GeometricQuotient geometric_quotient(const Eigen::MatrixXd& A,
                                                    const Eigen::MatrixXd& C,
                                                    const Directions& ignored,
-                                                   const Directions& visible);
+                                                   const Directions& visible,
+                                                   double tolerance = kRankTolerance);
+
+/// The tolerances around kRankTolerance, of 1e-12 .. 1e-6 by decades, for which dim W*, dim S* and
+/// the rows of H are those of `quotient`.
+struct DimensionStability {
+  double tolerance_min = 0.0;
+  double tolerance_max = 0.0;
+};
+[[nodiscard]] DimensionStability dimension_stability(const Eigen::MatrixXd& A,
+                                                     const Eigen::MatrixXd& C,
+                                                     const Directions& ignored,
+                                                     const Directions& visible,
+                                                     const GeometricQuotient& quotient);
 
 /// F, E of a residual generator on the quotient; with G = P B:
 ///
 ///   w' = F w - E y + G u,  r = M w - H y,  F = A_0 + D_1 M,  E = E_0 + D_1 H
 ///   e = w - P x:  e' = F e - Σ (P L_j + E D_j) m_j,  r = M e - Σ H D_j m_j
 struct GeometricFilter {
-  bool is_possible = false;
-  std::string reason;  ///< why the poles cannot be had; empty if they can
   Eigen::MatrixXd F, E;
 };
+/// @pre placement.is_possible
 [[nodiscard]] GeometricFilter complete_filter(const GeometricQuotient& quotient,
-                                              const std::vector<std::complex<double>>& poles);
+                                              const PolePlacement& placement);
 
 }  // namespace faultline

@@ -5,12 +5,14 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <stdexcept>
 
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <fmt/format.h>
 
 #include "diagnosis/design/subspace.h"
+#include "diagnosis/model/riccati.h"
 
 namespace faultline {
 namespace {
@@ -23,8 +25,14 @@ using Poles = std::vector<std::complex<double>>;
 
 // Sweeps over all eigenvectors: the method converges in a handful (ibid., section 6).
 constexpr int kSweeps = 12;
+// A sweep that gains less than a tenth is the last one.
+constexpr double kWorthwhile = 0.9;
 // Starts from different vectors, the best is kept: the result depends on the start only mildly.
-constexpr int kStarts = 4;
+constexpr std::uint64_t kStarts = 4;
+// Well enough conditioned to try no further start: the spectrum comes out with ten digits.
+constexpr double kGoodCondition = 1e5;
+// Replacing a column by a unit vector with a smaller pivot would lose half the digits.
+constexpr double kSmallestPivot = 1e-8;
 // Beyond this condition the eigenvectors are dependent to working precision, and the spectrum
 // would come out with less than five digits.
 constexpr double kMaxCondition = 1e10;
@@ -102,38 +110,72 @@ MatrixXcd starting_vectors(const std::vector<MatrixXcd>& spaces, const Poles& po
   return X;
 }
 
-// Turns each eigenvector, within its space, as far away from all others as it goes.
-void sweep(MatrixXcd& X, const std::vector<MatrixXcd>& spaces, const Poles& poles) {
-  const Index d = X.rows();
-  for (Index i = 0; i < d; i += width(poles, i)) {
-    MatrixXcd others(d, d - 1);
-    others << X.leftCols(i), X.rightCols(d - i - 1);
-    const VectorXcd normal = orthogonal_columns(others, 1);
+// ‖X‖_F ‖X⁻¹‖_F; infinite if X is singular to working precision.
+double condition(const MatrixXcd& X, const MatrixXcd& X_inverse) {
+  const double value = X.norm() * X_inverse.norm();
+  return std::isfinite(value) ? value : std::numeric_limits<double>::infinity();
+}
+
+// X with column i replaced by x, and its inverse with it (Sherman, Morrison). False, and nothing
+// changed, if the new X were singular to working precision.
+bool replace_column(MatrixXcd& X, MatrixXcd& X_inverse, Index i, const VectorXcd& x) {
+  const VectorXcd change = X_inverse * (x - X.col(i));
+  const std::complex<double> pivot = 1.0 + change[i];
+  if (!(std::abs(pivot) > kSmallestPivot)) {
+    return false;
+  }
+  const Eigen::RowVectorXcd row = X_inverse.row(i) / pivot;
+  X_inverse.noalias() -= change * row;
+  X.col(i) = x;
+  return true;
+}
+
+// Turns each eigenvector, within its space, as far away from all others as it goes: row i of X⁻¹ is
+// orthogonal to all columns of X but the i-th.
+void sweep(MatrixXcd& X, MatrixXcd& X_inverse, const std::vector<MatrixXcd>& spaces,
+           const Poles& poles) {
+  for (Index i = 0; i < X.cols(); i += width(poles, i)) {
+    const VectorXcd normal = X_inverse.row(i).adjoint().normalized();
     const MatrixXcd& space = spaces[static_cast<std::size_t>(i)];
-    const VectorXcd x = space * (space.adjoint() * normal);
-    if (x.norm() > std::numeric_limits<double>::epsilon()) {
-      set_eigenvector(X, poles, i, x);
+    VectorXcd x = space * (space.adjoint() * normal);
+    if (!(x.norm() > std::numeric_limits<double>::epsilon())) {
+      continue;
+    }
+    x.normalize();
+    if (replace_column(X, X_inverse, i, x) && width(poles, i) == 2) {
+      replace_column(X, X_inverse, i + 1, x.conjugate());
     }
   }
 }
 
-double condition(const MatrixXcd& X) {
-  const double value = X.norm() * X.inverse().norm();
-  return std::isfinite(value) ? value : std::numeric_limits<double>::infinity();
+// Sweeps from one start until they gain no more. Updates `best` if they end below `least`.
+void sweep_from(std::uint64_t start, const std::vector<MatrixXcd>& spaces, const Poles& poles,
+                MatrixXcd& best, double& least) {
+  MatrixXcd X = starting_vectors(spaces, poles, start);
+  double before = std::numeric_limits<double>::infinity();
+  for (int i = 0; i <= kSweeps; ++i) {
+    // Anew each time: the updates of a sweep add up their rounding errors.
+    MatrixXcd X_inverse = X.partialPivLu().inverse();
+    const double value = condition(X, X_inverse);
+    if (value < least) {
+      least = value;
+      best = X;
+    }
+    if (!(value < kWorthwhile * before)) {
+      return;
+    }
+    before = value;
+    sweep(X, X_inverse, spaces, poles);
+  }
 }
 
-MatrixXcd best_eigenvectors(const std::vector<MatrixXcd>& spaces, const Poles& poles) {
+// Empty if no start gave independent eigenvectors.
+MatrixXcd best_eigenvectors(const std::vector<MatrixXcd>& spaces, const Poles& poles,
+                            double& least) {
   MatrixXcd best;
-  double least = std::numeric_limits<double>::infinity();
-  for (int start = 0; start < kStarts; ++start) {
-    MatrixXcd X = starting_vectors(spaces, poles, static_cast<std::uint64_t>(start));
-    for (int i = 0; i < kSweeps; ++i) {
-      sweep(X, spaces, poles);
-      if (const double value = condition(X); value < least) {
-        least = value;
-        best = X;
-      }
-    }
+  least = std::numeric_limits<double>::infinity();
+  for (std::uint64_t start = 0; start < kStarts && !(least < kGoodCondition); ++start) {
+    sweep_from(start, spaces, poles, best, least);
   }
   return best;
 }
@@ -190,11 +232,12 @@ PolePlacement place_poles(const MatrixXd& A_0, const MatrixXd& M, const Poles& p
     result.condition = static_cast<double>(d);
   } else {
     const std::vector<MatrixXcd> spaces = attainable_eigenvectors(A_0, complement(U_0), poles);
-    const MatrixXcd X = best_eigenvectors(spaces, poles);
-    result.condition = X.size() == 0 ? std::numeric_limits<double>::infinity() : condition(X);
+    const MatrixXcd X = best_eigenvectors(spaces, poles, result.condition);
     if (!(result.condition < kMaxCondition)) {
       result.reason = fmt::format(
-          "these {} poles have no independent eigenvectors here: give more different ones", d);
+          "these {} poles have no independent eigenvectors here (condition {:.0e}): give more "
+          "different ones, nearer to the plant's own rates, or decay_rate_per_s instead",
+          d, result.condition);
       return result;
     }
     const MatrixXcd spectrum = Eigen::Map<const VectorXcd>(poles.data(), d).asDiagonal();
@@ -202,6 +245,33 @@ PolePlacement place_poles(const MatrixXd& A_0, const MatrixXd& M, const Poles& p
   }
   result.D_1 = (F - A_0) * arithmetic.pseudo_inverse(M, M.norm());
   result.is_possible = true;
+  return result;
+}
+
+PolePlacement place_decay(const MatrixXd& A_0, const MatrixXd& M, double decay, bool is_sampled) {
+  const Index d = A_0.rows();
+  PolePlacement result;
+  if (d == 0) {
+    result.is_possible = true;
+    result.D_1 = MatrixXd::Zero(0, M.rows());
+    return result;
+  }
+  const MatrixXd I = MatrixXd::Identity(d, d);
+  const MatrixXd R = MatrixXd::Identity(M.rows(), M.rows());
+  const double M_size = M.norm();
+  try {
+    if (is_sampled) {
+      const MatrixXd Q = I / (M_size * M_size);
+      result.D_1 = -decay * lqr_gain(A_0.transpose() / decay, M.transpose(), Q, R).transpose();
+    } else {
+      const double mu = decay / M_size;
+      const MatrixXd A_shifted = (A_0 + decay * I).transpose();
+      result.D_1 = -solve_care(A_shifted, M.transpose(), mu * mu * I, R) * M.transpose();
+    }
+    result.is_possible = true;
+  } catch (const std::invalid_argument& error) {
+    result.reason = fmt::format("the decay rate cannot be had: {}", error.what());
+  }
   return result;
 }
 

@@ -27,4 +27,15 @@ struct PolePlacement {
 [[nodiscard]] PolePlacement place_poles(const Eigen::MatrixXd& A_0, const Eigen::MatrixXd& M,
                                         const std::vector<std::complex<double>>& poles);
 
+/// Makes F = A_0 + D_1 M decay at least as fast as asked: every pole lies left of -decay (s plane,
+/// is_sampled false) or within the circle of radius `decay` (z plane). The shifted dual Riccati
+/// equation weighs speed against the size of D_1:
+///
+///   D_1 = -Y Mᵀ,  0 = (A_0 + decay I) Y + Y (A_0 + decay I)ᵀ - Y Mᵀ M Y + μ² I,  μ = decay / ‖M‖
+///
+/// (s plane; in the z plane the same for A_0 / decay). B. D. O. Anderson, J. B. Moore, Linear
+/// Optimal Control, 1971, section 4.2. (M, A_0) observable.
+[[nodiscard]] PolePlacement place_decay(const Eigen::MatrixXd& A_0, const Eigen::MatrixXd& M,
+                                        double decay, bool is_sampled);
+
 }  // namespace faultline

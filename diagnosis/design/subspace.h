@@ -8,7 +8,7 @@ namespace faultline {
 
 /// Singular values below this fraction of the data's scale count as zero. The geometric mean of
 /// 1e-6 .. 1e-12, the range over which a design's dimensions are to be stable: data are rarely good
-/// to 1e-6, and rounding errors of these algorithms stay below 1e-12 (geometric.md 1.6).
+/// to 1e-6, and rounding errors of these algorithms stay below 1e-12.
 inline constexpr double kRankTolerance = 1e-9;
 
 /// How far a computation's rank decisions were from flipping, relative to the data's scale.

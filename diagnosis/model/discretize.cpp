@@ -53,6 +53,19 @@ MatrixXd matrix_exponential(const MatrixXd& A) {
   return result;
 }
 
+// Powers of two by which to measure the columns of B·T: sampling is linear in them, and columns
+// larger than A·T would cost A the digits of as many squarings. Small ones stay as they are.
+Eigen::VectorXd column_units(const MatrixXd& B, double sample_time_s) {
+  Eigen::VectorXd units = Eigen::VectorXd::Ones(B.cols());
+  for (Index j = 0; j < B.cols(); ++j) {
+    const double size = B.col(j).cwiseAbs().sum() * sample_time_s;
+    if (size > 1.0 && std::isfinite(size)) {
+      units[j] = std::exp2(std::ceil(std::log2(size)));
+    }
+  }
+  return units;
+}
+
 }  // namespace
 
 SampledSystem discretize_zoh(const MatrixXd& A, const MatrixXd& B, double sample_time_s) {
@@ -61,12 +74,13 @@ SampledSystem discretize_zoh(const MatrixXd& A, const MatrixXd& B, double sample
   const Index m = B.cols();
   MatrixXd extended = MatrixXd::Zero(n + m, n + m);
   extended.topLeftCorner(n, n) = A * sample_time_s;
-  extended.topRightCorner(n, m) = B * sample_time_s;
+  const Eigen::VectorXd units = column_units(B, sample_time_s);
+  extended.topRightCorner(n, m) = B * sample_time_s * units.cwiseInverse().asDiagonal();
   if (extended.size() == 0) {
     return {A, B};
   }
   const MatrixXd exponential = matrix_exponential(extended);
-  return {exponential.topLeftCorner(n, n), exponential.topRightCorner(n, m)};
+  return {exponential.topLeftCorner(n, n), exponential.topRightCorner(n, m) * units.asDiagonal()};
 }
 
 FirstOrderHoldSystem discretize_foh(const MatrixXd& A, const MatrixXd& B, double sample_time_s) {
@@ -76,14 +90,15 @@ FirstOrderHoldSystem discretize_foh(const MatrixXd& A, const MatrixXd& B, double
   // Van Loan's trick with one more integrator: v ramps from v_k to v_k+1 over one sample.
   MatrixXd extended = MatrixXd::Zero(n + 2 * m, n + 2 * m);
   extended.topLeftCorner(n, n) = A * sample_time_s;
-  extended.block(0, n, n, m) = B * sample_time_s;
+  const Eigen::VectorXd units = column_units(B, sample_time_s);
+  extended.block(0, n, n, m) = B * sample_time_s * units.cwiseInverse().asDiagonal();
   extended.block(n, n + m, m, m).setIdentity();
   if (extended.size() == 0) {
     return {A, B, B};
   }
   const MatrixXd exponential = matrix_exponential(extended);
-  const MatrixXd step = exponential.block(0, n, n, m);
-  const MatrixXd ramp = exponential.block(0, n + m, n, m);
+  const MatrixXd step = exponential.block(0, n, n, m) * units.asDiagonal();
+  const MatrixXd ramp = exponential.block(0, n + m, n, m) * units.asDiagonal();
   return {exponential.topLeftCorner(n, n), step - ramp, ramp};
 }
 

@@ -65,11 +65,40 @@ std::string_view verdict_name(Verdict verdict) noexcept {
   return "inhibited";
 }
 
+std::string_view cause_name(Cause cause) noexcept {
+  switch (cause) {
+    case Cause::kComplete:
+      return "complete";
+    case Cause::kCancellation:
+      return "cancellation";
+    case Cause::kTransient:
+      return "transient";
+    case Cause::kPartial:
+      return "partial";
+    case Cause::kMoreThanP:
+      return "more_than_p";
+    case Cause::kNone:
+      break;
+  }
+  return "none";
+}
+
+bool is_same_verdict(const Decision& a, const Decision& b) noexcept {
+  return a.verdict == b.verdict && a.set_count == b.set_count && a.sets == b.sets;
+}
+
 DecisionTable::DecisionTable(const Bank& bank)
     : word_count_((bank.filters.size() + kBitsPerWord - 1) / kBitsPerWord) {
   const std::size_t fault_count = bank.fault_names.size();
   for (std::size_t size = 0; size <= std::min(bank.concurrent, fault_count); ++size) {
     append_sets(fault_count, size, sets_);
+  }
+  steady_.resize(fault_count * word_count_);
+  for (std::size_t j = 0; j < fault_count; ++j) {
+    for (std::size_t i = 0; i < bank.filters.size(); ++i) {
+      const bool is_steady = bank.filters[i].sees[j] == Sensitivity::kSteady;
+      steady_[j * word_count_ + i / kBitsPerWord] |= std::uint64_t{is_steady} << (i % kBitsPerWord);
+    }
   }
   sees_.resize(sets_.size() * word_count_);
   must_fire_.resize(sets_.size() * word_count_);
@@ -84,42 +113,76 @@ DecisionTable::DecisionTable(const Bank& bank)
   }
 }
 
-bool DecisionTable::explains(std::size_t set,
-                             std::span<const std::uint64_t> signature) const noexcept {
+DecisionTable::Fit DecisionTable::fit(std::size_t set,
+                                      std::span<const std::uint64_t> signature) const noexcept {
+  std::uint64_t silent_unexcused = 0;
   for (std::size_t w = 0; w < word_count_; ++w) {
-    const std::uint64_t fired_unseen = signature[w] & ~sees_[set * word_count_ + w];
-    const std::uint64_t silent_unexcused = must_fire_[set * word_count_ + w] & ~signature[w];
-    if ((fired_unseen | silent_unexcused) != 0) {
-      return false;
+    if ((signature[w] & ~sees_[set * word_count_ + w]) != 0) {
+      return Fit::kNone;
     }
+    silent_unexcused |= must_fire_[set * word_count_ + w] & ~signature[w];
   }
-  return true;
+  return silent_unexcused == 0 ? Fit::kExplains : Fit::kCovers;
+}
+
+Cause DecisionTable::excuse(std::size_t set,
+                            std::span<const std::uint64_t> signature) const noexcept {
+  bool has_transient = false;
+  for (std::size_t w = 0; w < word_count_; ++w) {
+    const std::uint64_t silent = sees_[set * word_count_ + w] & ~signature[w];
+    std::uint64_t silent_steady = 0;
+    for (const std::size_t j : sets_[set]) {
+      silent_steady |= silent & steady_[j * word_count_ + w];
+    }
+    if (silent_steady != 0) {
+      return Cause::kCancellation;
+    }
+    has_transient = has_transient || silent != 0;
+  }
+  return has_transient ? Cause::kTransient : Cause::kComplete;
 }
 
 Decision DecisionTable::decide(std::span<const std::uint64_t> signature) const noexcept {
   assert(signature.size() == word_count_);
-  Decision decision;
-  decision.verdict = Verdict::kUnexplained;
-  std::size_t smallest = 0;
-  for (std::size_t s = 0; s < sets_.size(); ++s) {
-    if (decision.set_count > 0 && sets_[s].size() > smallest) {
-      break;
-    }
-    if (!explains(s, signature)) {
-      continue;
-    }
-    smallest = sets_[s].size();
+  Decision explaining, covering;
+  std::size_t explaining_size = 0, covering_size = 0;
+  const auto list = [](Decision& decision, std::size_t s) {
     if (decision.set_count < Decision::kMaxListed) {
       decision.sets[decision.set_count] = static_cast<std::uint32_t>(s);
     }
     ++decision.set_count;
+  };
+  for (std::size_t s = 0; s < sets_.size(); ++s) {
+    if (explaining.set_count > 0 && sets_[s].size() > explaining_size) {
+      break;
+    }
+    const Fit found = fit(s, signature);
+    if (found == Fit::kExplains) {
+      explaining_size = sets_[s].size();
+      list(explaining, s);
+    } else if (found == Fit::kCovers &&
+               (covering.set_count == 0 || sets_[s].size() == covering_size)) {
+      covering_size = sets_[s].size();
+      list(covering, s);
+    }
   }
-  if (decision.set_count > 1) {
-    decision.verdict = Verdict::kAmbiguous;
-  } else if (decision.set_count == 1) {
-    decision.verdict = smallest == 0 ? Verdict::kHealthy : Verdict::kIsolated;
+  if (explaining.set_count == 0) {
+    covering.verdict = Verdict::kUnexplained;
+    covering.cause = covering.set_count > 0 ? Cause::kPartial : Cause::kMoreThanP;
+    return covering;
   }
-  return decision;
+  if (explaining_size == 0) {
+    explaining.verdict = Verdict::kHealthy;
+    return explaining;
+  }
+  explaining.verdict = explaining.set_count > 1 ? Verdict::kAmbiguous : Verdict::kIsolated;
+  explaining.cause = Cause::kComplete;
+  const std::size_t listed = std::min<std::size_t>(explaining.set_count, Decision::kMaxListed);
+  for (std::size_t i = 0; i < listed && explaining.cause != Cause::kCancellation; ++i) {
+    const Cause granted = excuse(explaining.sets[i], signature);
+    explaining.cause = granted == Cause::kComplete ? explaining.cause : granted;
+  }
+  return explaining;
 }
 
 Settling::Settling(std::uint32_t settle, std::size_t signature_words)

@@ -19,19 +19,40 @@ enum class Verdict : std::uint8_t {
 };
 [[nodiscard]] std::string_view verdict_name(Verdict verdict) noexcept;  ///< "healthy", ...
 
+/// Why a verdict is what it is: what had to be granted to the sets it lists, or what kept every set
+/// from explaining the fired residuals.
+enum class Cause : std::uint8_t {
+  kNone,          ///< healthy or inhibited: there is nothing to say
+  kComplete,      ///< every residual that sees a member of a listed set has fired
+  kCancellation,  ///< a silent one sees two or more members of a listed set: they may cancel
+  kTransient,     ///< a silent one sees members of a listed set, but only in transients
+  kPartial,       ///< unexplained: the listed sets would, but for silent residuals that must fire:
+                  ///< their faults are below a threshold
+  kMoreThanP,     ///< unexplained: no set of up to p faults is seen by every fired residual
+};
+/// "none", "complete", "cancellation", "transient", "partial", "more_than_p".
+[[nodiscard]] std::string_view cause_name(Cause cause) noexcept;
+
 /// What one signature says. Sets are indices into DecisionTable::sets().
 struct Decision {
   static constexpr std::size_t kMaxListed = 8;
   Verdict verdict = Verdict::kInhibited;
-  std::uint32_t set_count = 0;  ///< smallest explaining sets; the first kMaxListed are listed
+  Cause cause = Cause::kNone;
+  /// Smallest explaining sets; of a partial signature the smallest that could have left it. The
+  /// first kMaxListed are listed.
+  std::uint32_t set_count = 0;
   std::array<std::uint32_t, kMaxListed> sets{};
   friend bool operator==(const Decision&, const Decision&) = default;
 };
 
+/// True if both name the same verdict and the same sets, for whatever cause.
+[[nodiscard]] bool is_same_verdict(const Decision& a, const Decision& b) noexcept;
+
 /// All fault sets of up to p faults and what each predicts of every residual. Immutable.
 ///
 /// A set explains the fired residuals iff every fired one sees a member of it, and every silent one
-/// sees none of them, or two or more (they may cancel), or one only in transients.
+/// sees none of them, or two or more (they may cancel), or one only in transients. Where a listed
+/// set needs both excuses, or one needs one and another the other, the cause is cancellation.
 class DecisionTable {
  public:
   explicit DecisionTable(const Bank& bank);
@@ -43,13 +64,17 @@ class DecisionTable {
   [[nodiscard]] Decision decide(std::span<const std::uint64_t> signature) const noexcept;
 
  private:
-  [[nodiscard]] bool explains(std::size_t set,
-                              std::span<const std::uint64_t> signature) const noexcept;
+  enum class Fit { kNone, kCovers, kExplains };
+  // Explains; or at least covers: every fired residual sees a member.
+  [[nodiscard]] Fit fit(std::size_t set, std::span<const std::uint64_t> signature) const noexcept;
+  [[nodiscard]] Cause excuse(std::size_t set,
+                             std::span<const std::uint64_t> signature) const noexcept;
 
   std::size_t word_count_;
   std::vector<std::vector<std::size_t>> sets_;
   std::vector<std::uint64_t> sees_;       // sets × words: residuals that see a member
   std::vector<std::uint64_t> must_fire_;  // sets × words: see exactly one member, at DC
+  std::vector<std::uint64_t> steady_;     // faults × words: residuals that see it at DC
 };
 
 /// Announces a decision once its signature has stood for `settle` samples; keeps the last announced
@@ -61,6 +86,8 @@ class Settling {
   const Decision& step(const Decision& decision, std::span<const std::uint64_t> signature) noexcept;
   void reset() noexcept;
   [[nodiscard]] const Decision& announced() const noexcept { return announced_; }
+  /// True if the signature of the last step has stood: what is announced is about it.
+  [[nodiscard]] bool has_settled() const noexcept { return stood_for_ == settle_; }
 
  private:
   std::uint32_t settle_;

@@ -37,7 +37,8 @@ Evaluator::Evaluator(const Bank& bank)
       contaminated_for_(bank.filters.size()),
       run_length_(bank.filters.size()),
       fired_(bank.filters.size()),
-      signature_((bank.filters.size() + kBitsPerWord - 1) / kBitsPerWord) {
+      signature_((bank.filters.size() + kBitsPerWord - 1) / kBitsPerWord),
+      crossed_at_(bank.filters.size()) {
   for (const ResidualFilter& filter : bank.filters) {
     threshold_.push_back(filter.threshold);
     forget_samples_.push_back(filter.forget_samples);
@@ -72,6 +73,7 @@ void Evaluator::contaminate_residual(std::size_t i) noexcept {
 void Evaluator::step(std::span<const double> evaluation) noexcept {
   assert(evaluation.size() == fired_.size());
   contaminated_count_ = 0;
+  ++sample_count_;
   for (std::size_t i = 0; i < fired_.size(); ++i) {
     if (contaminated_for_[i] > 0) {
       --contaminated_for_[i];
@@ -86,6 +88,7 @@ void Evaluator::step(std::span<const double> evaluation) noexcept {
     if (run_length_[i] >= dwell_) {
       run_length_[i] = 0;
       fired_[i] = is_above ? 1 : 0;
+      crossed_at_[i] = sample_count_ - (dwell_ - 1);
       signature_[i / kBitsPerWord] ^= std::uint64_t{1} << (i % kBitsPerWord);
     }
   }
@@ -96,6 +99,8 @@ void Evaluator::reset() noexcept {
   std::fill(run_length_.begin(), run_length_.end(), 0);
   std::fill(fired_.begin(), fired_.end(), std::uint8_t{0});
   std::fill(signature_.begin(), signature_.end(), 0);
+  std::fill(crossed_at_.begin(), crossed_at_.end(), 0);
+  sample_count_ = 0;
   contaminated_count_ = 0;
 }
 

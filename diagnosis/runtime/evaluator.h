@@ -34,6 +34,11 @@ class Evaluator {
   [[nodiscard]] std::span<const std::uint8_t> fired() const noexcept { return fired_; }
   /// Fired residuals as bits, 64 per word.
   [[nodiscard]] std::span<const std::uint64_t> signature() const noexcept { return signature_; }
+  /// How many samples ago the run of samples began that made residual i fire, or clear, last:
+  /// `dwell` - 1 when it has just done so. Meaningless before its first crossing.
+  [[nodiscard]] std::uint64_t crossing_age(std::size_t i) const noexcept {
+    return sample_count_ - crossed_at_[i];
+  }
   /// True if a residual of the last sample was contaminated: its signature says nothing.
   [[nodiscard]] bool is_any_contaminated() const noexcept { return contaminated_count_ > 0; }
 
@@ -48,6 +53,8 @@ class Evaluator {
   std::vector<std::uint32_t> run_length_;
   std::vector<std::uint8_t> fired_;
   std::vector<std::uint64_t> signature_;
+  std::vector<std::uint64_t> crossed_at_;  // value of sample_count_ at the crossing's first sample
+  std::uint64_t sample_count_ = 0;
   std::size_t contaminated_count_ = 0;
 };
 

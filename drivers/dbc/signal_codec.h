@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -45,6 +46,11 @@ class SignalCodec {
 
   [[nodiscard]] std::uint16_t bit_count() const noexcept { return bit_count_; }
   [[nodiscard]] double factor() const noexcept { return factor_; }
+  /// The step between neighbouring physical values: |factor|; 0 for a float.
+  [[nodiscard]] double resolution() const noexcept {
+    const bool is_float = type_ == SignalType::kFloat32 || type_ == SignalType::kFloat64;
+    return is_float ? 0.0 : std::abs(factor_);
+  }
 
  private:
   /// The bytes of the signal as they lie in the payload: the first eight in `word`, the first of

@@ -57,6 +57,10 @@ OracleCase oracle_case(const Json& json) {
   const Json& expected = json.at("expected");
   result.is_solvable = expected.at("solvable").get<bool>();
   result.are_signatures_distinct = expected.at("signatures_distinct").get<bool>();
+  result.is_strongly_isolable = expected.at("strongly_isolable").get<bool>();
+  for (const Json& set : expected.at("confusable_2p_sets")) {
+    result.confusable_2p_sets.push_back(from_zero(set));
+  }
   for (const Json& failure : expected.at("failing")) {
     for (const std::size_t fault : from_zero(failure.at("undetectable"))) {
       result.failing.emplace_back(from_zero(failure.at("decouple")), fault);
@@ -141,6 +145,22 @@ std::vector<OracleProjection> oracle_projections(const std::string& disturbance)
                            matrix(json.at("projS")), from_zero(json.at("responds"))});
   }
   return projections;
+}
+
+std::vector<OracleConstantBias> oracle_constant_bias(const std::string& disturbance) {
+  const Json reference = load("hou_reference.json");
+  std::vector<OracleConstantBias> biases;
+  for (const Json& json : reference.at("disturbance").at(disturbance).at("constant_bias")) {
+    OracleConstantBias bias{from_zero(json.at("decouple")),
+                            json.at("dimS").get<Index>(),
+                            from_zero(json.at("responds")),
+                            {}};
+    for (const Json& gain : json.at("dc")) {
+      bias.has_dc.push_back(std::abs(gain.get<double>()) > 1e-9);
+    }
+    biases.push_back(bias);
+  }
+  return biases;
 }
 
 std::vector<OracleScenario> oracle_scenarios() {

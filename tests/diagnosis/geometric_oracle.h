@@ -33,6 +33,8 @@ struct OracleCase {
   std::vector<double> poles;
   bool is_solvable = false;
   bool are_signatures_distinct = false;
+  bool is_strongly_isolable = false;
+  std::vector<std::vector<std::size_t>> confusable_2p_sets;  ///< sets of 2p dependent faults
   std::vector<std::pair<std::vector<std::size_t>, std::size_t>> failing;  ///< ignores | fault
   std::vector<OracleResidual> residuals;
 
@@ -57,6 +59,15 @@ struct OracleProjection {
   std::vector<std::size_t> responds;
 };
 [[nodiscard]] std::vector<OracleProjection> oracle_projections(const std::string& disturbance);
+
+/// What becomes of it when the disturbance is taken as constant.
+struct OracleConstantBias {
+  std::vector<std::size_t> ignores;
+  Eigen::Index dim_s = 0;
+  std::vector<std::size_t> responds;
+  std::vector<bool> has_dc;  ///< per fault: DC gain that is not zero
+};
+[[nodiscard]] std::vector<OracleConstantBias> oracle_constant_bias(const std::string& disturbance);
 
 /// One scenario of hou_simulation.json.
 struct OracleScenario {

@@ -8,9 +8,9 @@
 #include <fmt/format.h>
 
 #include "diagnosis/bank/bank_file.h"
-#include "diagnosis/design/design_bank.h"
 #include "diagnosis/model/digest.h"
 #include "tools/bench/bench_inputs.h"
+#include "tools/bench/certified_design.h"
 #include "tools/version.h"
 
 namespace faultline {
@@ -36,7 +36,8 @@ void write_cached(const Bank& bank, const std::filesystem::path& file) {
   }
 }
 
-/// Changes with every build of the program: what another build designed is not taken for this one's.
+/// Changes with every build of the program: what another build designed is not taken for this
+/// one's.
 std::string build_stamp() {
   std::error_code error;
   const auto written = std::filesystem::last_write_time("/proc/self/exe", error);
@@ -73,7 +74,7 @@ Bank cached_design(const PlantModel& plant, const BankRequest& request) {
   if (!folder.empty()) {
     if (auto bank = read_cached(file)) return *std::move(bank);
   }
-  DesignResult result = design_bank(plant, request);
+  DesignResult result = designed_and_certified(plant, request);
   if (!result.is_solvable) {
     throw NotSolvable(
         fmt::format("{}: not every residual of bank \"{}\" exists for plant \"{}\":{}",

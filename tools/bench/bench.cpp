@@ -65,8 +65,9 @@ std::int64_t BenchRun::utime_of(double t_s) const noexcept {
 }
 
 void BenchRun::on_record(const DiagnosisRecord& record, std::int64_t utime) {
-  publisher.publish_record(record, utime);
+  const FaultEstimate* estimate = publisher.publish_record(record, utime);
   history.on_record(record);
+  if (estimate != nullptr) history.on_estimate(*estimate);
   ++seen_.samples;
   if ((record.flags & kBadSample) != 0) ++seen_.bad_samples;
   if ((record.flags & kSampleReset) != 0) {

@@ -31,6 +31,7 @@ DiagnosisNode::DiagnosisNode(const SignalMap& map, const Bank& bank, bool is_ini
       evaluator_(bank),
       table_(bank),
       settling_(bank.decision.settle, evaluator_.signature().size()),
+      onset_(evaluator_.signature().size()),
       record_(bank) {
   if (!is_initial_state_known) evaluator_.contaminate_all();
 }
@@ -55,6 +56,7 @@ void DiagnosisNode::mark_contamination(const Sample& sample) noexcept {
     bank_.reset();
     evaluator_.reset();
     settling_.reset();
+    onset_.reset();
     evaluator_.contaminate_all();
   } else if (!sample.is_good()) {
     // Where the sampler cannot say which value is wrong (a repeated or late frame), all may be.
@@ -73,9 +75,9 @@ void DiagnosisNode::on_sample(const Sample& sample, DiagnosisSink& sink) noexcep
   const Decision decision = evaluator_.is_any_contaminated()
                                 ? Decision{.verdict = Verdict::kInhibited}
                                 : table_.decide(evaluator_.signature());
-  const Decision before = record_.decision;
   const Decision& announced = settling_.step(decision, evaluator_.signature());
-  if (announced != before) record_.since_cycle = sample.cycle;
+  if (!is_same_verdict(announced, record_.decision)) record_.since_cycle = sample.cycle;
+  record_.onset = onset_.step(settling_, evaluator_, sample.cycle);
 
   record_.cycle = sample.cycle;
   record_.command_cycle = sample.command_cycle;

@@ -3,6 +3,7 @@
 #include "diagnosis/bank/bank.h"
 #include "diagnosis/runtime/decision.h"
 #include "diagnosis/runtime/evaluator.h"
+#include "diagnosis/runtime/onset.h"
 #include "diagnosis/runtime/residual_bank.h"
 #include "drivers/can/can_frame.h"
 #include "drivers/signal/sampler.h"
@@ -13,7 +14,7 @@ namespace faultline {
 
 /// The diagnosis as a state machine on a bus: frames in, one DiagnosisRecord per sample out.
 ///
-///   frame → Sampler → ResidualBank → Evaluator → DecisionTable → Settling → record
+///   frame → Sampler → ResidualBank → Evaluator → DecisionTable → Settling → OnsetTracker → record
 ///
 /// It only listens. What it finds is a function of the frames it is given, in their order, and of
 /// nothing else. Real-time: after construction it does not allocate, throw, lock or read a clock.
@@ -42,6 +43,7 @@ class DiagnosisNode {
   Evaluator evaluator_;
   DecisionTable table_;
   Settling settling_;
+  OnsetTracker onset_;
   DiagnosisRecord record_;
 };
 

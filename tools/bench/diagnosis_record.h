@@ -5,6 +5,7 @@
 
 #include "diagnosis/bank/bank.h"
 #include "diagnosis/runtime/decision.h"
+#include "diagnosis/runtime/onset.h"
 #include "drivers/can/can_frame.h"
 
 namespace faultline {
@@ -24,7 +25,8 @@ struct DiagnosisRecord {
   std::vector<double> evaluation;   ///< per filter
   std::vector<std::uint8_t> fired;  ///< per filter
   Decision decision;                ///< the announced one
-  std::uint32_t since_cycle = 0;    ///< first cycle of the announced decision
+  std::uint32_t since_cycle = 0;    ///< first cycle of its verdict and sets
+  Onset onset;                      ///< of the announced decision
 };
 
 /// Where the diagnosis node puts what it received and what it found. Called on the diagnosis

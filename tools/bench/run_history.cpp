@@ -1,6 +1,7 @@
 #include "tools/bench/run_history.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
@@ -15,6 +16,47 @@ bool agrees(const Expectation& expectation, const VerdictEntry& now) {
   return now.verdict != Verdict::kIsolated || now.sets.front() == expectation.faults;
 }
 
+// Whether `filter` may be silent for `cause` although it sees members of `set`.
+bool is_excused(const ResidualFilter& filter, const std::vector<std::size_t>& set, Cause cause) {
+  bool is_seen = false;
+  bool is_steady = false;
+  for (const std::size_t fault : set) {
+    is_seen = is_seen || filter.sees[fault] != Sensitivity::kNone;
+    is_steady = is_steady || filter.sees[fault] == Sensitivity::kSteady;
+  }
+  return is_seen && is_steady == (cause == Cause::kCancellation);
+}
+
+// Size from which every residual that sees `fault` at DC fires on it; 0 if the bank does not say.
+double smallest_isolated(const Bank& bank, std::size_t fault) {
+  double smallest = 0.0;
+  for (const ResidualFilter& filter : bank.filters) {
+    const std::vector<double>& fires_from = filter.certificate.smallest_fault;
+    if (fault < fires_from.size() && filter.sees[fault] == Sensitivity::kSteady) {
+      smallest = std::max(smallest, fires_from[fault]);
+    }
+  }
+  return smallest;
+}
+
+std::string sets_text(const std::vector<std::vector<std::string>>& sets) {
+  std::vector<std::string> texts;
+  for (const std::vector<std::string>& set : sets) {
+    if (!set.empty()) texts.push_back(fmt::format("{}", fmt::join(set, ", ")));
+  }
+  return fmt::format("{}", fmt::join(texts, " | "));
+}
+
+// Digits after the point so that two of the deviation's show; six significant ones without it.
+std::string estimate_text(const EstimateEntry& entry) {
+  if (!(entry.deviation > 0.0)) return fmt::format("{} = {:.6g}", entry.fault, entry.value);
+  constexpr int kMostDigits = 9;
+  const int digits =
+      std::clamp(1 - static_cast<int>(std::floor(std::log10(entry.deviation))), 0, kMostDigits);
+  return fmt::format("{} = {:.{}f} +- {:.{}f}", entry.fault, entry.value, digits, entry.deviation,
+                     digits);
+}
+
 }  // namespace
 
 RunHistory::RunHistory(const Bank& bank, const std::vector<std::vector<std::size_t>>& fault_sets,
@@ -24,13 +66,24 @@ RunHistory::RunHistory(const Bank& bank, const std::vector<std::vector<std::size
       schedule_(&schedule),
       first_fired_s_(bank.filters.size()) {
   active_.resize(schedule.injections().size());
+  for (std::size_t fault = 0; fault < bank.fault_names.size(); ++fault) {
+    smallest_isolated_.push_back(smallest_isolated(bank, fault));
+    std::vector<std::size_t>& biases = bias_injections_.emplace_back();
+    for (std::size_t i = 0; i < schedule.injections().size(); ++i) {
+      const Injection& injection = schedule.injections()[i];
+      if (injection.target == bank.fault_names[fault] && injection.kind == InjectionKind::kBias) {
+        biases.push_back(i);
+      }
+    }
+  }
   for (const Expectation& expectation : scenario.expectations) {
     expectations_.push_back({.expectation = expectation});
   }
 }
 
-VerdictEntry RunHistory::entry_of(const Decision& decision, double t_s) const {
-  VerdictEntry entry{t_s, decision.verdict, {}};
+VerdictEntry RunHistory::entry_of(const DiagnosisRecord& record, double t_s) const {
+  const Decision& decision = record.decision;
+  VerdictEntry entry{.t_s = t_s, .verdict = decision.verdict, .cause = decision.cause};
   const std::size_t listed = std::min<std::size_t>(decision.set_count, Decision::kMaxListed);
   for (std::size_t i = 0; i < listed; ++i) {
     std::vector<std::string>& names = entry.sets.emplace_back();
@@ -39,24 +92,77 @@ VerdictEntry RunHistory::entry_of(const Decision& decision, double t_s) const {
     }
     std::sort(names.begin(), names.end());
   }
+  if (record.onset.cycle != Onset::kNone) {
+    entry.onset_s = static_cast<double>(record.onset.cycle) * bank_->sample_time_s;
+  }
+  entry.note = note_of(record);
   return entry;
+}
+
+std::string RunHistory::note_of(const DiagnosisRecord& record) const {
+  const Decision& decision = record.decision;
+  if (decision.cause == Cause::kMoreThanP) {
+    return fmt::format("more than {} fault{}", bank_->concurrent,
+                       bank_->concurrent == 1 ? "" : "s");
+  }
+  if (decision.cause == Cause::kPartial) return "partial signature";
+  if (decision.cause != Cause::kCancellation && decision.cause != Cause::kTransient) return "";
+  const char* const what = decision.cause == Cause::kTransient      ? "only transients reach"
+                           : decision.verdict == Verdict::kIsolated ? "they cancel in"
+                                                                    : "some may cancel in";
+  std::vector<std::string> silent;
+  for (std::size_t i = 0; i < bank_->filters.size(); ++i) {
+    const bool is_silent = record.fired[i] == 0;
+    const std::size_t listed = std::min<std::size_t>(decision.set_count, Decision::kMaxListed);
+    for (std::size_t s = 0; is_silent && s < listed; ++s) {
+      if (is_excused(bank_->filters[i], (*fault_sets_)[decision.sets[s]], decision.cause)) {
+        silent.push_back(bank_->filters[i].name);
+        break;
+      }
+    }
+  }
+  return silent.empty() ? "" : fmt::format("{} {}", what, fmt::join(silent, ", "));
 }
 
 void RunHistory::on_record(const DiagnosisRecord& record) {
   ++samples_;
   const double t_s = record.cycle * bank_->sample_time_s;
-  const bool is_change = !last_decision_ || record.decision != *last_decision_;
+  const bool is_change = !last_decision_ || !is_same_verdict(record.decision, *last_decision_);
   if (is_change) {
-    last_decision_ = record.decision;
-    now_ = entry_of(record.decision, t_s);
+    now_ = entry_of(record, t_s);
     verdicts_.push_back(now_);
+  } else if (record.decision.cause != last_decision_->cause) {
+    verdicts_.back().cause = now_.cause = record.decision.cause;
+    verdicts_.back().note = now_.note = note_of(record);
   }
+  last_decision_ = record.decision;
   now_.t_s = t_s;
   for (std::size_t i = 0; i < record.fired.size(); ++i) {
     if (record.fired[i] != 0 && !first_fired_s_[i]) first_fired_s_[i] = t_s;
   }
   follow_injections(is_change);
   check_expectations();
+}
+
+void RunHistory::on_estimate(const FaultEstimate& estimate) {
+  VerdictEntry& entry = verdicts_.back();
+  const MagnitudeEstimate& magnitudes = estimate.magnitudes;
+  if (magnitudes.status != EstimateStatus::kValid) {
+    // The samples of a window that is not full yet do not unsay the last estimate.
+    if (entry.estimates.empty()) entry.no_estimate = estimate_status_text(magnitudes.status);
+    return;
+  }
+  entry.no_estimate.clear();
+  entry.estimates.clear();
+  for (std::size_t i = 0; i < magnitudes.faults.size(); ++i) {
+    entry.estimates.push_back(
+        {bank_->fault_names[magnitudes.faults[i]], magnitudes.value[i], magnitudes.deviation[i]});
+  }
+  std::sort(entry.estimates.begin(), entry.estimates.end(),
+            [](const EstimateEntry& a, const EstimateEntry& b) { return a.fault < b.fault; });
+  if (estimate.onset_cycle != Onset::kNone) {
+    entry.onset_s = static_cast<double>(estimate.onset_cycle) * bank_->sample_time_s;
+  }
 }
 
 void RunHistory::follow_injections(bool is_change) {
@@ -72,6 +178,7 @@ void RunHistory::follow_injections(bool is_change) {
   }
   InjectionOutcome& outcome = injections_.back();
   outcome.until_s = now_.t_s;
+  find_small_faults(outcome);
   if (is_change) {
     const double delay_s = now_.t_s - outcome.from_s;
     const bool is_alarm = now_.verdict != Verdict::kHealthy && now_.verdict != Verdict::kInhibited;
@@ -82,6 +189,21 @@ void RunHistory::follow_injections(bool is_change) {
     }
   }
   outcome.last_verdict = verdicts_.size() - 1;
+}
+
+// Of the biases acting now; a gain fault has no size of its own.
+void RunHistory::find_small_faults(InjectionOutcome& outcome) const {
+  outcome.small_faults.clear();
+  for (std::size_t fault = 0; fault < bias_injections_.size(); ++fault) {
+    double value = 0.0;
+    for (const std::size_t i : bias_injections_[fault]) {
+      const Injection& injection = schedule_->injections()[i];
+      value += activity(injection, now_.t_s) * injection.value;
+    }
+    if (value != 0.0 && std::abs(value) < smallest_isolated_[fault]) {
+      outcome.small_faults.push_back({bank_->fault_names[fault], value, smallest_isolated_[fault]});
+    }
+  }
 }
 
 void RunHistory::check_expectations() {
@@ -111,12 +233,32 @@ bool RunHistory::are_expectations_met() const {
 }
 
 std::string verdict_text(const VerdictEntry& entry) {
-  std::string text(verdict_name(entry.verdict));
-  for (std::size_t i = 0; i < entry.sets.size(); ++i) {
-    if (entry.sets[i].empty()) continue;
-    text += fmt::format("{}{}", i == 0 ? " " : " | ", fmt::join(entry.sets[i], ", "));
+  const std::string name(verdict_name(entry.verdict));
+  const std::string sets =
+      entry.verdict == Verdict::kUnexplained ? std::string() : sets_text(entry.sets);
+  return sets.empty() ? name : name + " " + sets;
+}
+
+std::string verdict_detail(const VerdictEntry& entry) {
+  std::vector<std::string> parts;
+  if (!entry.estimates.empty()) {
+    std::vector<std::string> estimates;
+    for (const EstimateEntry& estimate : entry.estimates) {
+      estimates.push_back(estimate_text(estimate));
+    }
+    parts.push_back(fmt::format("{}", fmt::join(estimates, ", ")));
   }
-  return text;
+  if (entry.cause == Cause::kPartial) {
+    parts.push_back(
+        fmt::format("{}, could be {} below a threshold", entry.note, sets_text(entry.sets)));
+  } else if (!entry.note.empty()) {
+    parts.push_back(entry.note);
+  }
+  if (entry.onset_s && entry.verdict != Verdict::kHealthy) {
+    parts.push_back(fmt::format("onset {:.6g} s", *entry.onset_s));
+  }
+  if (!entry.no_estimate.empty()) parts.push_back("no estimate: " + entry.no_estimate);
+  return fmt::format("{}", fmt::join(parts, "; "));
 }
 
 }  // namespace faultline

@@ -5,6 +5,7 @@
 
 #include <faultline/can_t.hpp>
 #include <faultline/diagnosis_t.hpp>
+#include <faultline/estimate_t.hpp>
 #include <faultline/event_t.hpp>
 #include <faultline/residual_t.hpp>
 #include <faultline/run_t.hpp>
@@ -41,6 +42,17 @@ std::int8_t frame_flags(const CanFrame& frame) {
   return static_cast<std::int8_t>(flags);
 }
 
+// Per output: the step between values that its signal can carry; 0 for a float.
+std::vector<double> output_resolution(const BenchInputs& inputs) {
+  std::vector<double> resolution(inputs.bank.output_names.size());
+  for (const MappedMessage& message : inputs.map.sensor_messages) {
+    for (const MappedSignal& signal : message.channels) {
+      resolution[signal.channel] = std::abs(signal.scale) * signal.codec.resolution();
+    }
+  }
+  return resolution;
+}
+
 std::int64_t as_signed(std::uint64_t count) { return static_cast<std::int64_t>(count); }
 
 }  // namespace
@@ -53,11 +65,13 @@ struct RunPublisher::Messages {
   sample_t sample;
   residual_t residual;
   diagnosis_t diagnosis;
+  estimate_t estimate;
   truth_t truth;
   event_t event;
   stats_t stats;
   std::int64_t run_sequence = 0, can_sequence = 0, sample_sequence = 0, residual_sequence = 0,
-               diagnosis_sequence = 0, truth_sequence = 0, event_sequence = 0, stats_sequence = 0;
+               diagnosis_sequence = 0, estimate_sequence = 0, truth_sequence = 0,
+               event_sequence = 0, stats_sequence = 0;
 };
 
 RunPublisher::RunPublisher(const BenchInputs& inputs,
@@ -69,7 +83,8 @@ RunPublisher::RunPublisher(const BenchInputs& inputs,
       live_(std::move(live)),
       messages_(std::make_unique<Messages>()),
       cycles_per_second_(static_cast<std::uint32_t>(
-          std::clamp(std::round(1.0 / inputs.bank.sample_time_s), 1.0, kMaxCyclesPerSecond))) {
+          std::clamp(std::round(1.0 / inputs.bank.sample_time_s), 1.0, kMaxCyclesPerSecond))),
+      estimator_(inputs.bank, output_resolution(inputs)) {
   residual_t& residual = messages_->residual;
   for (const ResidualFilter& filter : inputs.bank.filters) {
     residual.threshold.push_back(filter.threshold);
@@ -152,7 +167,8 @@ void RunPublisher::flush_frames() {
   can.frames.clear();
 }
 
-void RunPublisher::publish_record(const DiagnosisRecord& record, std::int64_t utime) {
+const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
+                                                  std::int64_t utime) {
   sample_t& sample = messages_->sample;
   sample.utime = utime;
   sample.cycle = record.cycle;
@@ -172,16 +188,39 @@ void RunPublisher::publish_record(const DiagnosisRecord& record, std::int64_t ut
   residual.fired = record.fired;
   publish(kResidualChannel, messages_->residual_sequence, residual);
 
-  const bool is_due = is_first_record_ || record.decision != last_decision_ ||
-                      record.cycle % cycles_per_second_ == 0;
-  if (!is_due) return;
+  // A bad sample moves the filters' state, which the estimator takes for unknown anyway.
+  if ((record.flags & kBadSample) == 0) {
+    estimator_.push(record.cycle, record.residual);
+  } else {
+    estimator_.restart();
+  }
+  const bool is_isolated = record.decision.verdict == Verdict::kIsolated;
+  if (is_first_record_ || !is_same_verdict(record.decision, last_decision_)) {
+    is_estimate_pending_ = is_isolated;
+    estimate_.onset_cycle = record.onset.cycle;
+  }
+  const bool is_diagnosis_due = is_first_record_ || record.decision != last_decision_ ||
+                                record.cycle % cycles_per_second_ == 0;
+  const bool is_estimate_due =
+      is_isolated && (is_diagnosis_due || (is_estimate_pending_ &&
+                                           estimator_.is_window_behind(record.onset.last_cycle)));
   is_first_record_ = false;
   last_decision_ = record.decision;
+  if (is_diagnosis_due) publish_diagnosis(record, utime);
+  if (!is_estimate_due) return nullptr;
+  estimate(record);
+  publish_estimate(record, utime);
+  return &estimate_;
+}
+
+void RunPublisher::publish_diagnosis(const DiagnosisRecord& record, std::int64_t utime) {
   diagnosis_t& diagnosis = messages_->diagnosis;
   diagnosis.utime = utime;
   diagnosis.cycle = record.cycle;
   diagnosis.since_cycle = record.since_cycle;
+  diagnosis.onset_cycle = record.onset.cycle;
   diagnosis.verdict = verdict_name(record.decision.verdict);
+  diagnosis.cause = cause_name(record.decision.cause);
   diagnosis.set_total = static_cast<std::int32_t>(record.decision.set_count);
   const std::size_t listed = std::min<std::size_t>(record.decision.set_count, Decision::kMaxListed);
   diagnosis.set_count = static_cast<std::int32_t>(listed);
@@ -195,6 +234,38 @@ void RunPublisher::publish_record(const DiagnosisRecord& record, std::int64_t ut
     set.fault_count = static_cast<std::int32_t>(set.faults.size());
   }
   publish(kDiagnosisChannel, messages_->diagnosis_sequence, diagnosis);
+}
+
+void RunPublisher::estimate(const DiagnosisRecord& record) {
+  estimate_.magnitudes =
+      estimator_.estimate(fault_sets_[record.decision.sets[0]], record.onset.last_cycle);
+  if (!is_estimate_pending_ || !estimator_.is_window_behind(record.onset.last_cycle)) return;
+  is_estimate_pending_ = false;
+  // Refined once: later magnitudes need not be those that made the residual cross. Where it has
+  // cleared, a fault went, and the response to those that stay says nothing.
+  const std::int64_t filter = record.onset.filter;
+  if (filter == Onset::kNone || record.fired[static_cast<std::size_t>(filter)] == 0) return;
+  if (const auto delay = estimator_.response_delay(static_cast<std::size_t>(filter))) {
+    estimate_.onset_cycle = std::max<std::int64_t>(record.onset.cycle - *delay, 0);
+  }
+}
+
+void RunPublisher::publish_estimate(const DiagnosisRecord& record, std::int64_t utime) {
+  const MagnitudeEstimate& magnitudes = estimate_.magnitudes;
+  estimate_t& message = messages_->estimate;
+  message.utime = utime;
+  message.cycle = record.cycle;
+  message.onset_cycle = estimate_.onset_cycle;
+  message.reason = estimate_status_text(magnitudes.status);
+  message.fault_count = static_cast<std::int32_t>(magnitudes.value.size());
+  message.fault.clear();
+  for (std::size_t i = 0; i < magnitudes.value.size(); ++i) {
+    message.fault.push_back(inputs_->bank.fault_names[magnitudes.faults[i]]);
+  }
+  message.estimate = magnitudes.value;
+  message.deviation = magnitudes.deviation;
+  message.bound.assign(magnitudes.value.size(), MagnitudeEstimate::kUnknown);
+  publish(kEstimateChannel, messages_->estimate_sequence, message);
 }
 
 void RunPublisher::publish_truth(const PlantTruth& truth, const Eigen::VectorXd& x,

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "diagnosis/bank/bank.h"
+#include "diagnosis/runtime/estimator.h"
 #include "drivers/can/can_bus.h"
 #include "drivers/can/can_frame.h"
 #include "drivers/signal/sampler.h"
@@ -14,6 +15,7 @@
 #include "sim/plant_node.h"
 #include "tools/bench/bench_inputs.h"
 #include "tools/bench/diagnosis_record.h"
+#include "tools/bench/fault_estimate.h"
 #include "tools/bench/message_sink.h"
 
 namespace faultline {
@@ -53,8 +55,9 @@ class RunPublisher {
   /// CAN: sends what is collected.
   void flush_frames();
 
-  /// SAMPLE, RESIDUAL, and DIAGNOSIS when due.
-  void publish_record(const DiagnosisRecord& record, std::int64_t utime);
+  /// SAMPLE, RESIDUAL, and DIAGNOSIS and ESTIMATE when due.
+  /// @return the ESTIMATE if one was sent, valid until the next call; else null.
+  const FaultEstimate* publish_record(const DiagnosisRecord& record, std::int64_t utime);
   /// TRUTH, when due. `x` is the absolute state.
   void publish_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime);
   void publish_event(std::int64_t cycle, const std::string& severity, const std::string& source,
@@ -74,6 +77,9 @@ class RunPublisher {
   template <class Message>
   void publish(const char* channel, std::int64_t& sequence, Message& message);
   void send_parts(std::int64_t utime, bool live_only);
+  void publish_diagnosis(const DiagnosisRecord& record, std::int64_t utime);
+  void publish_estimate(const DiagnosisRecord& record, std::int64_t utime);
+  void estimate(const DiagnosisRecord& record);
 
   const BenchInputs* inputs_;
   std::vector<std::vector<std::size_t>> fault_sets_;
@@ -85,6 +91,9 @@ class RunPublisher {
   std::int64_t frame_count_ = 0;
   bool is_first_record_ = true;
   Decision last_decision_;
+  MagnitudeEstimator estimator_;
+  FaultEstimate estimate_;
+  bool is_estimate_pending_ = false;  // a set is isolated, and not estimated yet
   bool is_first_truth_ = true;
   std::vector<double> last_activity_;
   std::uint64_t message_count_ = 0;

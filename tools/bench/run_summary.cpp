@@ -15,7 +15,21 @@ Json seconds_or_null(const std::optional<double>& value_s) {
 Json verdict_json(const VerdictEntry& entry) {
   Json json{{"t_s", entry.t_s}, {"verdict", verdict_name(entry.verdict)}};
   json["faults"] = entry.verdict == Verdict::kIsolated ? Json(entry.sets.front()) : Json::array();
-  if (entry.verdict == Verdict::kAmbiguous) json["candidates"] = entry.sets;
+  if (entry.verdict == Verdict::kAmbiguous || entry.cause == Cause::kPartial) {
+    json["candidates"] = entry.sets;
+  }
+  json["cause"] = cause_name(entry.cause);
+  json["onset_s"] = seconds_or_null(entry.onset_s);
+  if (entry.verdict == Verdict::kIsolated) {
+    json["estimates"] = Json::array();
+    for (const EstimateEntry& estimate : entry.estimates) {
+      json["estimates"].push_back(
+          {{"fault", estimate.fault},
+           {"value", estimate.value},
+           {"deviation", estimate.deviation < 0.0 ? Json(nullptr) : Json(estimate.deviation)}});
+    }
+    if (!entry.no_estimate.empty()) json["no_estimate"] = entry.no_estimate;
+  }
   return json;
 }
 
@@ -47,8 +61,9 @@ std::string expectation_text(const ExpectationOutcome& outcome) {
     text += fmt::format(" {}", fmt::join(expectation.faults, ", "));
   }
   if (outcome.first_unmet) {
-    text += fmt::format("; found {} at {:g} s", verdict_text(*outcome.first_unmet),
-                        outcome.first_unmet->t_s);
+    const std::string& note = outcome.first_unmet->note;
+    text += fmt::format("; found {}{} at {:g} s", verdict_text(*outcome.first_unmet),
+                        note.empty() ? "" : " (" + note + ")", outcome.first_unmet->t_s);
   } else if (outcome.samples == 0) {
     text += "; the run had no sample there";
   }
@@ -56,6 +71,7 @@ std::string expectation_text(const ExpectationOutcome& outcome) {
 }
 
 void print_injections(std::FILE* out, const RunHistory& history) {
+  constexpr int kDetailColumn = 41;  // under "diagnosed"
   fmt::print(out, "\n  {:>19}   {:<16} {:<28} {:>9} {:>9}\n", "time, s", "injected", "diagnosed",
              "detected", "isolated");
   for (const InjectionOutcome& outcome : history.injections()) {
@@ -64,6 +80,12 @@ void print_injections(std::FILE* out, const RunHistory& history) {
                verdict_text(history.verdicts()[outcome.last_verdict]),
                outcome.faults.empty() ? "" : delay_text(outcome.detection_delay_s),
                outcome.faults.empty() ? "" : delay_text(outcome.isolation_delay_s));
+    const std::string detail = verdict_detail(history.verdicts()[outcome.last_verdict]);
+    if (!detail.empty()) fmt::print(out, "{:{}}{}\n", "", kDetailColumn, detail);
+    for (const SmallFault& fault : outcome.small_faults) {
+      fmt::print(out, "{:{}}{} {:.3g} is below {:.3g}, the smallest that is isolated\n", "",
+                 kDetailColumn, fault.fault, fault.value, fault.smallest);
+    }
   }
 }
 
@@ -130,12 +152,17 @@ nlohmann::ordered_json summary_json(const BenchInputs& inputs, const BenchOption
   }
   json["injections"] = Json::array();
   for (const InjectionOutcome& outcome : history.injections()) {
-    json["injections"].push_back(
-        {{"from_s", outcome.from_s},
-         {"until_s", outcome.until_s},
-         {"faults", outcome.faults},
-         {"detection_delay_s", seconds_or_null(outcome.detection_delay_s)},
-         {"isolation_delay_s", seconds_or_null(outcome.isolation_delay_s)}});
+    Json below = Json::array();
+    for (const SmallFault& fault : outcome.small_faults) {
+      below.push_back(
+          {{"fault", fault.fault}, {"value", fault.value}, {"smallest", fault.smallest}});
+    }
+    json["injections"].push_back({{"from_s", outcome.from_s},
+                                  {"until_s", outcome.until_s},
+                                  {"faults", outcome.faults},
+                                  {"detection_delay_s", seconds_or_null(outcome.detection_delay_s)},
+                                  {"isolation_delay_s", seconds_or_null(outcome.isolation_delay_s)},
+                                  {"below_smallest_isolated", below}});
   }
   json["residuals"] = Json::object();
   for (std::size_t i = 0; i < inputs.bank.filters.size(); ++i) {

@@ -3,12 +3,14 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <new>
 #include <set>
 #include <stdexcept>
 #include <system_error>
 
 #include <faultline/can_t.hpp>
 #include <faultline/diagnosis_t.hpp>
+#include <faultline/estimate_t.hpp>
 #include <faultline/event_t.hpp>
 #include <faultline/residual_t.hpp>
 #include <faultline/run_t.hpp>
@@ -39,6 +41,18 @@ void check_is_log(const std::filesystem::path& file) {
   }
 }
 
+template <class Message>
+bool is_decoded(const lcm::LogEvent& event, Message& message) {
+  try {
+    return message.decode(event.data, 0, event.datalen) >= 0;
+  } catch (
+      const std::length_error&) {  // a damaged count: lcm-gen sizes the array before it reads it
+    return false;
+  } catch (const std::bad_alloc&) {
+    return false;
+  }
+}
+
 class InfoReader {
  public:
   void take(const lcm::LogEvent& event) {
@@ -53,6 +67,9 @@ class InfoReader {
       take_as<diagnosis_t>(event, channel, [this, &event](const diagnosis_t& diagnosis) {
         take_diagnosis(diagnosis, event.timestamp);
       });
+    } else if (event.channel == kEstimateChannel) {
+      take_as<estimate_t>(event, channel,
+                          [this](const estimate_t& estimate) { take_estimate(estimate); });
     } else if (event.channel == kCanChannel) {
       take_as<can_t>(event, channel, [](const can_t&) {});
     } else if (event.channel == kSampleChannel) {
@@ -80,7 +97,7 @@ class InfoReader {
   template <class Message, class Action>
   void take_as(const lcm::LogEvent& event, LogInfo::Channel& channel, const Action& action) {
     Message message;
-    if (message.decode(event.data, 0, event.datalen) < 0) {
+    if (!is_decoded(event, message)) {
       ++info_.undecodable;
       return;
     }
@@ -105,10 +122,27 @@ class InfoReader {
     for (const fault_set_t& set : diagnosis.sets) sets.push_back(set.faults);
     if (!info_.verdicts.empty() && info_.verdicts.back().verdict == diagnosis.verdict &&
         info_.verdicts.back().sets == sets) {
+      info_.verdicts.back().cause = diagnosis.cause;
       return;
     }
-    info_.verdicts.push_back({diagnosis.cycle, static_cast<double>(utime - first_utime_) * 1e-6,
-                              diagnosis.verdict, std::move(sets)});
+    info_.verdicts.push_back({diagnosis.cycle,
+                              static_cast<double>(utime - first_utime_) * 1e-6,
+                              diagnosis.verdict,
+                              diagnosis.cause,
+                              diagnosis.onset_cycle,
+                              std::move(sets),
+                              {}});
+  }
+
+  // Of the verdict before it. One without values does not unsay the last.
+  void take_estimate(const estimate_t& estimate) {
+    if (info_.verdicts.empty() || estimate.fault_count == 0) return;
+    LogInfo::VerdictChange& change = info_.verdicts.back();
+    change.onset_cycle = estimate.onset_cycle;
+    change.estimates.clear();
+    for (std::size_t i = 0; i < estimate.fault.size(); ++i) {
+      change.estimates.push_back({estimate.fault[i], estimate.estimate[i], estimate.deviation[i]});
+    }
   }
 
   LogInfo info_;

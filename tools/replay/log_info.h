@@ -19,11 +19,19 @@ struct LogInfo {
     std::string part, name, digest;
     bool is_complete = false;
   };
+  struct Estimate {
+    std::string fault;
+    double value = 0.0;
+    double deviation = 0.0;  ///< negative: not known
+  };
   struct VerdictChange {
     std::int64_t cycle = 0;
     double t_s = 0.0;  ///< since the first message of the log
     std::string verdict;
+    std::string cause;              ///< the last one of this verdict
+    std::int64_t onset_cycle = -1;  ///< the estimated one where there is an estimate; -1: none
     std::vector<std::vector<std::string>> sets;
+    std::vector<Estimate> estimates;  ///< the last ones of this verdict
   };
   std::uint64_t messages = 0;
   double duration_s = 0.0;

@@ -51,12 +51,35 @@ TEST(BankFile, RoundTripsToTheBit) {
   bank.filters[0].E << -0.0, std::numeric_limits<double>::denorm_min(), 1.0 / 3.0;
   bank.filters[0].G(0, 0) = -std::numeric_limits<double>::max();
   bank.filters[0].G(0, 1) = std::nextafter(1.0, 2.0);
+  bank.domain = DesignDomain::kSampled;
+  bank.disturbances = {{"d1", BankDisturbance::Treatment::kDecoupled},
+                       {"d2", BankDisturbance::Treatment::kConstant},
+                       {"d3"}};
+  bank.isolability = {true, false, {{{0, 2}, {}}, {{0, 1, 2, 3}, {1.0, 0.5, -0.5, -0.5}}}, false};
+  for (ResidualFilter& filter : bank.filters) {
+    filter.certificate = {0.9,
+                          {1e-16, 2.0, 3.0, 4.0},
+                          {5.0, 6.0, 7.0},
+                          {8.0, 9.0, 10.0, 11.0},
+                          {0.1, 0.2, 0.3, 0.4},
+                          {0.5, 0.6, 0.7, 0.8},
+                          1.6,
+                          {0.0, 0.01, 0.02, 0.03},
+                          {0.0, 0.5, 0.6, 0.7},
+                          {0.0, 0.07, 0.08, 0.09},
+                          {2, 3, 0.1, 1e-16, 1e-11, 1e-7}};
+  }
   bank.name = "quote \" backslash \\ umlaut \xC3\xBC";
   const Bank again = parse_bank(bank_text(bank), "b.json");
   EXPECT_EQ(bank_text(again), bank_text(bank));
   EXPECT_EQ(again.name, bank.name);
   EXPECT_EQ(again.plant_digest, bank.plant_digest);
   EXPECT_EQ(again.decision.settle, bank.decision.settle);
+  EXPECT_EQ(again.domain, DesignDomain::kSampled);
+  EXPECT_EQ(again.disturbances[1].treatment, BankDisturbance::Treatment::kConstant);
+  ASSERT_EQ(again.isolability.confusable.size(), 2u);
+  EXPECT_EQ(again.isolability.confusable[1].weights, bank.isolability.confusable[1].weights);
+  EXPECT_FALSE(again.isolability.is_list_complete);
   ASSERT_EQ(again.filters.size(), bank.filters.size());
   for (std::size_t i = 0; i < bank.filters.size(); ++i) {
     const ResidualFilter& a = bank.filters[i];
@@ -66,15 +89,17 @@ TEST(BankFile, RoundTripsToTheBit) {
     EXPECT_EQ(a.sees, b.sees);
     EXPECT_EQ(a.forget_samples, b.forget_samples);
     EXPECT_EQ(bits(a.threshold), bits(b.threshold));
-    for (const auto matrix : {&ResidualFilter::F, &ResidualFilter::E, &ResidualFilter::G,
-                              &ResidualFilter::M, &ResidualFilter::H, &ResidualFilter::K}) {
+    for (const auto matrix :
+         {&ResidualFilter::F, &ResidualFilter::E, &ResidualFilter::G, &ResidualFilter::M,
+          &ResidualFilter::H, &ResidualFilter::K, &ResidualFilter::L, &ResidualFilter::J}) {
       ASSERT_EQ((a.*matrix).size(), (b.*matrix).size());
       for (Eigen::Index j = 0; j < (a.*matrix).size(); ++j) {
         EXPECT_EQ(bits((a.*matrix).data()[j]), bits((b.*matrix).data()[j]));
       }
     }
-    EXPECT_EQ(a.certificate.dc_gain, b.certificate.dc_gain);
-    EXPECT_EQ(a.certificate.margin, b.certificate.margin);
+    EXPECT_EQ(b.certificate.disturbance_gain, a.certificate.disturbance_gain);
+    EXPECT_EQ(b.certificate.delay_s, a.certificate.delay_s);
+    EXPECT_EQ(b.certificate.rank.tolerance_max, 1e-7);
   }
 }
 
@@ -85,6 +110,7 @@ TEST(BankFile, RoundTripsAFilterWithoutAState) {
   filter.E.resize(0, 3);
   filter.G.resize(0, 4);
   filter.M.resize(1, 0);
+  filter.L.resize(0, 4);
   const Bank again = parse_bank(bank_text(bank), "b.json");
   EXPECT_EQ(again.filters[0].F.size(), 0);
   EXPECT_EQ(again.filters[0].G.cols(), 4);
@@ -143,7 +169,7 @@ TEST(BankFile, LocatesSemanticErrors) {
                 ": filters[0].F: found spectral radius 1.5, expected a stable filter (below 1)");
   EXPECT_EQ(refusal(with("\"settle\"", "\"setle\"")),
             "b.json:" + place_of("\"settle\"") +
-                ": decision: found unknown key \"setle\", expected one of dwell, settle");
+                ": decision: found unknown key \"setle\", expected one of dwell, settle, window");
   EXPECT_EQ(refusal(with("\"schema\": 1", "\"schema\": 2")),
             "b.json:2:13: schema: found number 2, expected 1");
   EXPECT_EQ(refusal(with("  \"schema\": 1,\n", "")),

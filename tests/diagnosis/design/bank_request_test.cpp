@@ -75,12 +75,39 @@ TEST(BankRequest, RefusesWhatThisVersionCannotDoAndSaysWhatItCan) {
             "bank.toml:4:10: method: found \"uio\", expected \"geometric\"");
   EXPECT_EQ(refusal(with("threshold = 0.05", "threshold = \"certified\"")),
             "bank.toml:10:13: decision.threshold: found \"certified\", expected a positive number");
-  EXPECT_EQ(refusal(with("normalise     = true", "structure = \"smallest\"")),
-            "bank.toml:8:13: structure: found another structure, expected \"all\"");
-  EXPECT_EQ(refusal(with("normalise     = true", "structure = [[\"u1\"]]")),
-            "bank.toml:8:13: structure: found another structure, expected \"all\"");
   EXPECT_THAT(refusal(hou_request_text(true, 3) + "[uio]\n"),
               StartsWith("bank.toml:12:2: found unknown key \"uio\""));
+}
+
+TEST(BankRequest, TakesAStructureAsAWordOrAsSets) {
+  const auto parse = [](const std::string& line) {
+    return parse_bank_request(with("normalise     = true", line), "bank.toml");
+  };
+  EXPECT_EQ(parse("").structure, StructureChoice::kAll);
+  EXPECT_EQ(parse("structure = \"all\"").structure, StructureChoice::kAll);
+  EXPECT_EQ(parse("structure = \"smallest\"").structure, StructureChoice::kSmallest);
+  const BankRequest given = parse("structure = [[\"u1\"], [\"u2\", \"u3\"], []]");
+  EXPECT_EQ(given.structure, StructureChoice::kGiven);
+  EXPECT_EQ(given.ignored_sets, (std::vector<std::vector<std::string>>{{"u1"}, {"u2", "u3"}, {}}));
+  EXPECT_THAT(refusal(with("normalise     = true", "structure = \"few\"")),
+              StartsWith("bank.toml:8:13: structure: found \"few\", expected "));
+}
+
+TEST(BankRequest, TakesADecayRateInsteadOfPoles) {
+  const BankRequest request =
+      parse_bank_request(with("poles         = [-10.0]", "decay_rate_per_s = 4.0"), "bank.toml");
+  EXPECT_EQ(request.decay_rate_per_s, 4.0);
+  EXPECT_TRUE(request.poles.empty());
+  EXPECT_EQ(refusal(with("normalise     = true", "decay_rate_per_s = 4.0")),
+            "bank.toml:8:20: decay_rate_per_s: found it beside \"poles\", expected one of the two");
+  EXPECT_THAT(refusal(with("poles         = [-10.0]", "decay_rate_per_s = 0.0")),
+              StartsWith("bank.toml:6:20: decay_rate_per_s: found 0, expected a positive number"));
+}
+
+TEST(BankRequest, TakesAWindowForTheFaultSize) {
+  EXPECT_FALSE(parse_bank_request(hou_request_text(true, 3), "bank.toml").window.has_value());
+  EXPECT_EQ(parse_bank_request(hou_request_text(true, 3) + "window = 80\n", "bank.toml").window,
+            80u);
 }
 
 TEST(BankRequest, RefusesWrongNumbers) {

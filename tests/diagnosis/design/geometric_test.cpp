@@ -163,8 +163,9 @@ TEST(CompleteFilter, GivesHousGeneratorsUpToScale) {
     L << hou.B.col(name[1] - '1'), hou.B.col(name[2] - '1');
     const GeometricQuotient q =
         geometric_quotient(hou.A, hou.C, no_output(L, 3), no_output(hou.B, 3));
-    const GeometricFilter filter = complete_filter(q, {{-10.0, 0.0}});
-    ASSERT_TRUE(filter.is_possible);
+    const PolePlacement placement = place_poles(q.A_0, q.M, {{-10.0, 0.0}});
+    ASSERT_TRUE(placement.is_possible);
+    const GeometricFilter filter = complete_filter(q, placement);
     // w and r may each be scaled: w by s_w, r by s_r.
     const double s_w = expected.P.row(0).dot(q.P.row(0));
     const double s_r = expected.H.row(0).dot(q.H.row(0));
@@ -201,8 +202,9 @@ TEST(CompleteFilter, HasTheSpectrumAskedForAndKeepsTheEquations) {
       EXPECT_EQ(quotient.H.rows(), expected.rows);
       const std::vector<std::complex<double>> poles(oracle.poles.begin(),
                                                     oracle.poles.begin() + quotient.P.rows());
-      const GeometricFilter filter = complete_filter(quotient, poles);
-      ASSERT_TRUE(filter.is_possible) << filter.reason;
+      const PolePlacement placement = place_poles(quotient.A_0, quotient.M, poles);
+      ASSERT_TRUE(placement.is_possible) << placement.reason;
+      const GeometricFilter filter = complete_filter(quotient, placement);
       const MatrixXd left = filter.F * quotient.P;
       const MatrixXd right = quotient.P * oracle.A + filter.E * oracle.C;
       EXPECT_LT((left - right).norm(), 1e-10 * (1.0 + filter.E.norm() * oracle.C.norm()));

@@ -60,5 +60,22 @@ TEST(Discretize, KeepsEmptySystemsEmpty) {
   EXPECT_EQ(sampled.B_1.cols(), 2);
 }
 
+TEST(Discretize, LosesNoDigitsToInputsInSmallUnits) {
+  const MatrixXd A = (MatrixXd(2, 2) << -1.0, 2.0, -3.0, -0.5).finished();
+  const MatrixXd B = (MatrixXd(2, 2) << 1.0, 0.5, 0.0, 2.0).finished();
+  const double unit = std::exp2(40.0);
+  MatrixXd B_large = B;
+  B_large.col(1) *= unit;
+  const SampledSystem held = discretize_zoh(A, B, 0.01);
+  const SampledSystem held_large = discretize_zoh(A, B_large, 0.01);
+  EXPECT_LT((held_large.A - held.A).norm(), 1e-15);
+  EXPECT_LT((held_large.B.col(1) / unit - held.B.col(1)).norm(), 1e-15);
+  const FirstOrderHoldSystem line = discretize_foh(A, B, 0.01);
+  const FirstOrderHoldSystem line_large = discretize_foh(A, B_large, 0.01);
+  EXPECT_LT((line_large.A - line.A).norm(), 1e-15);
+  EXPECT_LT((line_large.B_0.col(1) / unit - line.B_0.col(1)).norm(), 1e-15);
+  EXPECT_LT((line_large.B_1.col(1) / unit - line.B_1.col(1)).norm(), 1e-15);
+}
+
 }  // namespace
 }  // namespace faultline

@@ -55,5 +55,32 @@ TEST(SolveDare, RefusesWrongShapesAndIndefiniteWeights) {
   EXPECT_THROW(static_cast<void>(solve_dare(I, I, I, -I)), std::invalid_argument);
 }
 
+TEST(SolveCare, SolvesAScalarEquation) {
+  // 0 = 2 x - x² + 3: x = 3.
+  const MatrixXd one = MatrixXd::Ones(1, 1);
+  EXPECT_NEAR(solve_care(one, one, 3.0 * one, one)(0, 0), 3.0, 1e-13);
+}
+
+TEST(SolveCare, FulfilsItsEquationAndStabilises) {
+  const MatrixXd A = (MatrixXd(3, 3) << 1.2, 0.3, 0, 0, -0.9, 0.5, 40.0, 0, 0.0).finished();
+  const MatrixXd B = (MatrixXd(3, 2) << 1, 0, 0, 1, 0.5, 0.5).finished();
+  const MatrixXd Q = MatrixXd::Identity(3, 3);
+  const MatrixXd R = 0.1 * MatrixXd::Identity(2, 2);
+  const MatrixXd X = solve_care(A, B, Q, R);
+  const MatrixXd XBRB = X * B * R.inverse() * B.transpose();
+  EXPECT_LT((A.transpose() * X + X * A - XBRB * X + Q).norm(), 1e-11 * (X * A).norm());
+  for (const std::complex<double> value :
+       sorted_eigenvalues(A - B * R.inverse() * B.transpose() * X)) {
+    EXPECT_LT(value.real(), 0.0);
+  }
+}
+
+TEST(SolveCare, RefusesWhatCannotBeStabilised) {
+  const MatrixXd A = MatrixXd::Identity(2, 2);
+  const MatrixXd B = MatrixXd::Zero(2, 1);
+  EXPECT_THROW(static_cast<void>(solve_care(A, B, MatrixXd::Identity(2, 2), MatrixXd::Ones(1, 1))),
+               std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace faultline

@@ -95,14 +95,55 @@ TEST(DecisionTable, IsAmbiguousWhenSeveralSmallestSetsExplain) {
   EXPECT_EQ(found.sets, (Sets{{0, 1}, {2, 3}}));
 }
 
-TEST(DecisionTable, LeavesPartialSignaturesUnexplained) {
-  EXPECT_EQ(answer(hou_structure(), "000100").decision.verdict, Verdict::kUnexplained);
-  EXPECT_EQ(answer(hou_structure(), "011000").decision.verdict, Verdict::kUnexplained);
+TEST(DecisionTable, NamesTheSmallestSetsThatCouldHaveLeftAPartialSignature) {
+  // F1 = 1 in Hou's bank as published fires r23 alone; so would a small F4.
+  const Answer one = answer(hou_structure(), "000100");
+  EXPECT_EQ(one.decision.verdict, Verdict::kUnexplained);
+  EXPECT_EQ(one.decision.cause, Cause::kPartial);
+  EXPECT_EQ(one.sets, (Sets{{0}, {3}}));
+  // r13 and r14 see F2 both; only r34, which has to fire on it, is silent.
+  const Answer two = answer(hou_structure(), "011000");
+  EXPECT_EQ(two.decision.verdict, Verdict::kUnexplained);
+  EXPECT_EQ(two.decision.cause, Cause::kPartial);
+  EXPECT_EQ(two.sets, (Sets{{1}}));
 }
 
 TEST(DecisionTable, LeavesMoreThanPFaultsUnexplained) {
-  EXPECT_EQ(answer(hou_structure(), "111111").decision.verdict, Verdict::kUnexplained);
-  EXPECT_EQ(answer(hou_structure(), "111111").decision.set_count, 0u);
+  const Answer pairs = answer(hou_structure(), "111111");
+  EXPECT_EQ(pairs.decision.verdict, Verdict::kUnexplained);
+  EXPECT_EQ(pairs.decision.cause, Cause::kMoreThanP);
+  EXPECT_EQ(pairs.decision.set_count, 0u);
+  const Answer single = answer(bank_of({"x.", ".x"}, 1), "11");
+  EXPECT_EQ(single.decision.cause, Cause::kMoreThanP);
+}
+
+TEST(DecisionTable, HasNoCauseForBeingHealthy) {
+  EXPECT_EQ(answer(hou_structure(), "000000").decision.cause, Cause::kNone);
+}
+
+TEST(DecisionTable, CallsASignatureCompleteWhenEveryResidualThatSeesTheSetFired) {
+  EXPECT_EQ(answer(hou_structure(), "000111").decision.cause, Cause::kComplete);
+  EXPECT_EQ(answer(hou_structure(), "111011").decision.cause, Cause::kComplete);
+}
+
+TEST(DecisionTable, CallsASilentResidualThatSeesTwoMembersACancellation) {
+  EXPECT_EQ(answer(hou_structure(), "110011").decision.cause, Cause::kCancellation);
+  // One of the two fades: the other alone would have fired, had they not cancelled at first.
+  const Answer mixed = answer(bank_of({"xt", "x.", ".x"}, 2), "011");
+  EXPECT_EQ(mixed.decision.verdict, Verdict::kIsolated);
+  EXPECT_EQ(mixed.decision.cause, Cause::kCancellation);
+}
+
+TEST(DecisionTable, CallsASilentResidualThatSeesItsMembersInTransientsTransient) {
+  const Bank bank = bank_of({"tt", "x.", ".x"}, 2);
+  EXPECT_EQ(answer(bank, "010").decision.cause, Cause::kTransient);
+  EXPECT_EQ(answer(bank, "011").decision.cause, Cause::kTransient);
+  EXPECT_EQ(answer(bank, "110").decision.cause, Cause::kComplete);
+}
+
+TEST(DecisionTable, NamesCancellationWhereBothExcusesAreNeeded) {
+  const Bank bank = bank_of({"t.", "xx", "x.", ".x"}, 2);
+  EXPECT_EQ(answer(bank, "0011").decision.cause, Cause::kCancellation);
 }
 
 TEST(DecisionTable, AcceptsTheSilenceOfAResidualThatSeesAFaultOnlyInTransients) {
@@ -131,6 +172,15 @@ TEST(Verdict, HasANameForEachValue) {
   EXPECT_EQ(verdict_name(Verdict::kAmbiguous), "ambiguous");
   EXPECT_EQ(verdict_name(Verdict::kUnexplained), "unexplained");
   EXPECT_EQ(verdict_name(Verdict::kInhibited), "inhibited");
+}
+
+TEST(Cause, HasANameForEachValue) {
+  EXPECT_EQ(cause_name(Cause::kNone), "none");
+  EXPECT_EQ(cause_name(Cause::kComplete), "complete");
+  EXPECT_EQ(cause_name(Cause::kCancellation), "cancellation");
+  EXPECT_EQ(cause_name(Cause::kTransient), "transient");
+  EXPECT_EQ(cause_name(Cause::kPartial), "partial");
+  EXPECT_EQ(cause_name(Cause::kMoreThanP), "more_than_p");
 }
 
 Decision decision_of(Verdict verdict) {

@@ -67,6 +67,18 @@ TEST(Evaluator, StartsCountingAgainWhenARunIsBroken) {
   EXPECT_EQ(evaluator.fired()[0], 1);
 }
 
+TEST(Evaluator, KnowsWhenTheRunBeganThatMadeAResidualFireOrClear) {
+  Evaluator evaluator(two_residuals(3));
+  for (int k = 0; k < 10; ++k) {
+    step(evaluator, k >= 4 ? 2.0 : 0.0, 0.0);
+  }
+  EXPECT_EQ(evaluator.crossing_age(0), 9u - 4u);
+  for (int k = 10; k < 20; ++k) {
+    step(evaluator, k >= 15 ? 0.0 : 2.0, 0.0);
+  }
+  EXPECT_EQ(evaluator.crossing_age(0), 19u - 15u);
+}
+
 TEST(Evaluator, TakesANanAsAboveTheThreshold) {
   Evaluator evaluator(two_residuals(1));
   step(evaluator, std::numeric_limits<double>::quiet_NaN(), 0.0);

@@ -117,6 +117,11 @@ class RandomSignals {
 
 constexpr int kRandomSignals = 100'000;
 
+TEST(SignalCodec, ResolvesStepsOfItsFactorUnlessItIsAFloat) {
+  EXPECT_EQ(SignalCodec(intel(0, 24, SignalType::kSigned, -1e-4)).resolution(), 1e-4);
+  EXPECT_EQ(SignalCodec(intel(0, 32, SignalType::kFloat32, 2.0)).resolution(), 0.0);
+}
+
 TEST(SignalCodec, AgreesWithABitByBitReferenceOnRandomSignals) {
   const std::uint64_t seed = test_seed(20240611);
   SCOPED_TRACE(seed_message(seed));

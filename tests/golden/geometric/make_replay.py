@@ -72,13 +72,21 @@ def make_bank():
         f["sees"] = ["none" if name in f["ignores"] else "steady" for name in FAULTS]
         f["threshold"] = 0.05
         f["forget_samples"] = 100
+        f["L"] = [[0.0] * 4 for _ in f["F"]]
+        f["J"] = [[0.0] * 4 for _ in f["H"]]
         f["certificate"] = {
             "spectral_radius": 0.9,
-            "residual_MP_HC": 0.0,
-            "residual_FP_PA_EC": 0.0,
-            "leakage_decoupled": 0.0,
+            "input_gain": [0.0] * 4,
+            "disturbance_gain": [],
+            "fault_gain": [0.0] * 4,
             "dc_gain": [0.0] * 4,
+            "band_gain": [0.0] * 4,
+            "band_Hz": 1.0,
             "margin": [0.0] * 4,
+            "smallest_fault": [0.0] * 4,
+            "delay_s": [0.0] * 4,
+            "rank": {"dim_w": 2, "dim_s": 2, "smallest_kept": 1.0, "largest_dropped": 0.0,
+                     "tolerance_min": 1e-12, "tolerance_max": 1e-6},
         }
     return {
         "schema": 1,
@@ -86,6 +94,7 @@ def make_bank():
         "method": "geometric",
         "plant": {"name": "hou2015", "digest": "none"},
         "request_digest": "none",
+        "domain": "continuous",
         "sample_time_s": SAMPLE_TIME_S,
         "concurrent": 2,
         "inputs": ["u1", "u2", "u3", "u4"],
@@ -93,7 +102,10 @@ def make_bank():
         "faults": FAULTS,
         "fault_sizes": [1.0] * 4,
         "operating_point": {"u": [0.25, -0.5, 0.0, 1.0], "y": [0.1, 0.2, -0.3]},
-        "decision": {"dwell": 3, "settle": 3},
+        "disturbances": [],
+        "decision": {"dwell": 3, "settle": 3, "window": 50},
+        "isolability": {"signatures_distinct": True, "strongly_isolable": False, "list_complete": True,
+                        "confusable": [{"faults": FAULTS, "weights": [1.0, 0.5, -0.5, -0.5]}]},
         "filters": filters,
     }
 

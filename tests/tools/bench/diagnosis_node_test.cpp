@@ -49,6 +49,7 @@ struct CountingSink final : DiagnosisSink {
     last = record.decision;
     last_cycle = record.cycle;
     since_cycle = record.since_cycle;
+    onset = record.onset;
     if (record.decision.verdict == Verdict::kInhibited) ++inhibited;
   }
   std::uint64_t received = 0;
@@ -56,6 +57,7 @@ struct CountingSink final : DiagnosisSink {
   std::uint64_t inhibited = 0;
   std::uint32_t last_cycle = 0;
   std::uint32_t since_cycle = 0;
+  Onset onset;
   Decision last;
 };
 
@@ -133,6 +135,22 @@ TEST_F(DiagnosisNodeTest, SaysSinceWhenItsVerdictStands) {
   EXPECT_EQ(sink_.last.verdict, Verdict::kIsolated);
   EXPECT_GT(sink_.since_cycle, 400U);
   EXPECT_LT(sink_.since_cycle, 420U);
+}
+
+TEST_F(DiagnosisNodeTest, TellsTheOnsetOfWhatItAnnouncesAndNoneAfterARestart) {
+  const std::vector<CanFrame> faulty = record_frames(inputs_, 600);  // u2, u3 fail at cycle 400
+  const std::vector<CanFrame> fresh = record_frames(inputs_, 300);
+  DiagnosisNode node(inputs_.map, inputs_.bank, true);
+  for (std::size_t i = 0; i < 2000; ++i) node.on_frame(faulty[i], sink_);
+  EXPECT_EQ(sink_.onset, Onset());
+  for (std::size_t i = 2000; i < faulty.size(); ++i) node.on_frame(faulty[i], sink_);
+  const std::uint32_t announced_after = inputs_.bank.decision.dwell + inputs_.bank.decision.settle;
+  EXPECT_GE(sink_.onset.cycle, 400);
+  EXPECT_LE(sink_.onset.cycle, sink_.onset.last_cycle);
+  EXPECT_EQ(sink_.onset.last_cycle, sink_.since_cycle - announced_after + 2);
+  for (const CanFrame& frame : fresh) node.on_frame(frame, sink_);
+  EXPECT_EQ(sink_.last.verdict, Verdict::kHealthy);
+  EXPECT_EQ(sink_.onset, Onset());
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 #include <stdlib.h>
 
 #include <faultline/residual_t.hpp>
-#include <lcm/lcm-cpp.hpp>
 
 #include "tools/bench/channels.h"
 
@@ -21,15 +20,8 @@ bool same_bits(const std::vector<double>& a, const std::vector<double>& b) {
 }  // namespace
 
 std::vector<LoggedResidual> logged_residuals(const std::filesystem::path& file) {
-  lcm::LogFile log(file.string(), "r");
-  if (!log.good()) throw std::runtime_error("cannot read " + file.string());
   std::vector<LoggedResidual> found;
-  while (const lcm::LogEvent* event = log.readNextEvent()) {
-    if (event->channel != kResidualChannel) continue;
-    residual_t message;
-    if (message.decode(event->data, 0, event->datalen) < 0) {
-      throw std::runtime_error("cannot decode a RESIDUAL of " + file.string());
-    }
+  for (const residual_t& message : logged_messages<residual_t>(file, kResidualChannel)) {
     found.push_back({message.cycle, message.residual, message.evaluation, message.fired});
   }
   return found;

@@ -2,8 +2,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <stdexcept>
 #include <string>
 #include <vector>
+
+#include <lcm/lcm-cpp.hpp>
 
 namespace faultline {
 
@@ -17,6 +20,22 @@ struct LoggedResidual {
 
 /// All RESIDUAL messages of a log, in order.
 [[nodiscard]] std::vector<LoggedResidual> logged_residuals(const std::filesystem::path& file);
+
+/// The messages of a type on a channel of a log, in order.
+template <class Message>
+[[nodiscard]] std::vector<Message> logged_messages(const std::filesystem::path& file,
+                                                   const std::string& channel) {
+  lcm::LogFile log(file.string(), "r");
+  if (!log.good()) throw std::runtime_error("cannot read " + file.string());
+  std::vector<Message> found;
+  while (const lcm::LogEvent* event = log.readNextEvent()) {
+    if (event->channel != channel) continue;
+    if (found.emplace_back().decode(event->data, 0, event->datalen) < 0) {
+      throw std::runtime_error("cannot decode a " + channel + " of " + file.string());
+    }
+  }
+  return found;
+}
 
 /// Index of the first difference to the bit, or the common size if there is none; both sizes must
 /// be equal for equality.

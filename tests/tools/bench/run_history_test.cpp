@@ -95,6 +95,91 @@ TEST_F(RunHistoryTest, ListsEachChangeOfTheVerdictOnce) {
   EXPECT_NEAR(history.verdicts()[1].t_s, 0.2, 1e-9);
 }
 
+TEST_F(RunHistoryTest, NamesTheResidualInWhichFaultsCancel) {
+  using enum Sensitivity;
+  bank_.filters.resize(3);
+  const std::vector<std::vector<Sensitivity>> sees = {
+      {kSteady, kNone}, {kSteady, kSteady}, {kTransient, kTransient}};
+  for (std::size_t i = 0; i < 3; ++i) {
+    bank_.filters[i].name = std::vector<std::string>{"ra", "rab", "rt"}[i];
+    bank_.filters[i].sees = sees[i];
+    bank_.filters[i].M = Eigen::MatrixXd::Ones(1, 1);
+  }
+  const FaultSchedule schedule(plant_, {});
+  RunHistory history(bank_, sets_, {}, schedule);
+  DiagnosisRecord found = record(0, Verdict::kIsolated, 3);
+  found.decision.cause = Cause::kCancellation;
+  history.on_record(found);
+  EXPECT_EQ(history.verdicts().back().note, "they cancel in rab");
+  found.cycle = 1;
+  found.decision.cause = Cause::kTransient;  // no new verdict: the same faults
+  history.on_record(found);
+  ASSERT_EQ(history.verdicts().size(), 1U);
+  EXPECT_EQ(history.verdicts().back().note, "only transients reach rt");
+}
+
+TEST_F(RunHistoryTest, TellsWhyASignatureIsUnexplained) {
+  bank_.concurrent = 2;
+  const FaultSchedule schedule(plant_, {});
+  RunHistory history(bank_, sets_, {}, schedule);
+  DiagnosisRecord found = record(0, Verdict::kUnexplained);
+  found.onset = {.cycle = 0, .filter = 0, .last_cycle = 0};
+  found.decision.cause = Cause::kPartial;
+  found.decision.set_count = 2;
+  found.decision.sets = {1, 2};
+  history.on_record(found);
+  EXPECT_EQ(verdict_text(history.verdicts().back()), "unexplained");
+  EXPECT_EQ(verdict_detail(history.verdicts().back()),
+            "partial signature, could be a | b below a threshold; onset 0 s");
+  found = record(1, Verdict::kUnexplained);
+  found.decision.cause = Cause::kMoreThanP;
+  history.on_record(found);
+  EXPECT_EQ(verdict_detail(history.verdicts().back()), "more than 2 faults");
+}
+
+TEST_F(RunHistoryTest, KeepsTheLastEstimateOfAVerdict) {
+  const FaultSchedule schedule(plant_, {});
+  RunHistory history(bank_, sets_, {}, schedule);
+  history.on_record(record(50, Verdict::kIsolated, 3));
+  FaultEstimate estimate;
+  history.on_estimate(estimate);
+  EXPECT_EQ(verdict_detail(history.verdicts().back()),
+            "no estimate: the window does not lie behind the onset yet");
+  estimate.magnitudes = {EstimateStatus::kValid, {1, 0}, {-2.0, 0.5}, {0.012, -1.0}};
+  estimate.onset_cycle = 40;
+  history.on_estimate(estimate);
+  EXPECT_EQ(verdict_detail(history.verdicts().back()), "a = 0.5, b = -2.000 +- 0.012; onset 4 s");
+  history.on_estimate({});
+  EXPECT_EQ(history.verdicts().back().estimates.size(), 2U);
+}
+
+TEST_F(RunHistoryTest, SaysWhichBiasIsTooSmallToBeIsolated) {
+  using enum Sensitivity;
+  bank_.filters.resize(3, bank_.filters[0]);
+  // On a all must fire but the last, which does not see it at DC.
+  const std::vector<std::vector<Sensitivity>> sees = {
+      {kSteady, kSteady}, {kSteady, kNone}, {kTransient, kSteady}};
+  const std::vector<std::vector<double>> smallest = {{0.8, 0.0}, {1.66, 0.0}, {9.0, 0.0}};
+  for (std::size_t i = 0; i < 3; ++i) {
+    bank_.filters[i].sees = sees[i];
+    bank_.filters[i].certificate.smallest_fault = smallest[i];
+  }
+  const FaultSchedule schedule(
+      plant_, {{.target = "a", .value = -0.4, .at_s = 0.1, .until_s = 0.2},
+               {.target = "a", .value = 2.0, .at_s = 0.2},
+               {.target = "b", .value = 1e-6, .at_s = 0.1}});  // of b nothing is known
+  RunHistory history(bank_, sets_, {}, schedule);
+  for (std::uint32_t k = 0; k < 4; ++k) history.on_record(record(k, Verdict::kHealthy));
+  ASSERT_EQ(history.injections().size(), 2U);
+  ASSERT_EQ(history.injections()[1].small_faults.size(), 0U) << "2 is enough";
+  RunHistory shorter(bank_, sets_, {}, schedule);
+  for (std::uint32_t k = 0; k < 2; ++k) shorter.on_record(record(k, Verdict::kHealthy));
+  ASSERT_EQ(shorter.injections()[1].small_faults.size(), 1U);
+  EXPECT_EQ(shorter.injections()[1].small_faults[0].fault, "a");
+  EXPECT_EQ(shorter.injections()[1].small_faults[0].value, -0.4);
+  EXPECT_EQ(shorter.injections()[1].small_faults[0].smallest, 1.66);
+}
+
 TEST(VerdictText, NamesAllCandidates) {
   EXPECT_EQ(verdict_text({1.0, Verdict::kHealthy, {}}), "healthy");
   EXPECT_EQ(verdict_text({1.0, Verdict::kAmbiguous, {{"u1", "u2"}, {"u3", "u4"}}}),

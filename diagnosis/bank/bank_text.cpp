@@ -1,0 +1,169 @@
+#include <cassert>
+#include <cmath>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "diagnosis/bank/bank_file.h"
+#include "diagnosis/bank/json_tree.h"
+
+namespace faultline {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+std::string name_list(const std::vector<std::string>& names) {
+  std::vector<std::string> quoted;
+  for (const std::string& name : names) {
+    quoted.push_back(json_string(name));
+  }
+  return fmt::format("[{}]", fmt::join(quoted, ", "));
+}
+
+template <class Numbers>
+std::string number_list(const Numbers& numbers) {
+  std::vector<std::string> texts;
+  for (const double number : numbers) {
+    assert(std::isfinite(number));
+    texts.push_back(json_number(number));
+  }
+  return fmt::format("[{}]", fmt::join(texts, ", "));
+}
+
+// One row per line, at `indent` spaces.
+std::string matrix_text(const MatrixXd& matrix, int indent) {
+  std::vector<std::string> rows;
+  for (Index i = 0; i < matrix.rows(); ++i) {
+    rows.push_back(number_list(Eigen::VectorXd(matrix.row(i))));
+  }
+  return fmt::format("[{}]", fmt::join(rows, fmt::format(",\n{:{}}", "", indent)));
+}
+
+std::vector<std::string> fault_names(const Bank& bank, const std::vector<std::size_t>& faults) {
+  std::vector<std::string> names;
+  for (const std::size_t j : faults) {
+    names.push_back(bank.fault_names[j]);
+  }
+  return names;
+}
+
+std::vector<std::string> sensitivity_names(const std::vector<Sensitivity>& sees) {
+  std::vector<std::string> names;
+  for (const Sensitivity sensitivity : sees) {
+    names.emplace_back(sensitivity == Sensitivity::kNone        ? "none"
+                       : sensitivity == Sensitivity::kTransient ? "transient"
+                                                                : "steady");
+  }
+  return names;
+}
+
+std::string disturbances_text(const std::vector<BankDisturbance>& disturbances) {
+  using Treatment = BankDisturbance::Treatment;
+  std::vector<std::string> items;
+  for (const BankDisturbance& disturbance : disturbances) {
+    items.push_back(fmt::format("{{\"name\": {}, \"treatment\": \"{}\"}}",
+                                json_string(disturbance.name),
+                                disturbance.treatment == Treatment::kNone        ? "none"
+                                : disturbance.treatment == Treatment::kDecoupled ? "decoupled"
+                                                                                 : "constant"));
+  }
+  return fmt::format("[{}]", fmt::join(items, ", "));
+}
+
+std::string isolability_text(const Bank& bank) {
+  const IsolabilityCertificate& isolability = bank.isolability;
+  std::vector<std::string> sets;
+  for (const ConfusableFaults& set : isolability.confusable) {
+    sets.push_back(fmt::format("{{\"faults\": {}, \"weights\": {}}}",
+                               name_list(fault_names(bank, set.faults)), number_list(set.weights)));
+  }
+  return fmt::format(
+      "{{\"signatures_distinct\": {}, \"strongly_isolable\": {}, \"list_complete\": {}, "
+      "\"confusable\": [{}]}}",
+      isolability.are_signatures_distinct, isolability.is_strongly_isolable,
+      isolability.is_list_complete, fmt::join(sets, ", "));
+}
+
+std::string rank_text(const RankCertificate& rank) {
+  return fmt::format(
+      "{{\"dim_w\": {}, \"dim_s\": {}, \"smallest_kept\": {}, \"largest_dropped\": {}, "
+      "\"tolerance_min\": {}, \"tolerance_max\": {}}}",
+      rank.dim_w, rank.dim_s, json_number(rank.smallest_kept), json_number(rank.largest_dropped),
+      json_number(rank.tolerance_min), json_number(rank.tolerance_max));
+}
+
+std::string certificate_text(const FilterCertificate& certificate) {
+  std::string text = "{\n";
+  const auto add = [&](std::string_view key, const std::string& value) {
+    text += fmt::format("        \"{}\": {},\n", key, value);
+  };
+  add("spectral_radius", json_number(certificate.spectral_radius));
+  add("input_gain", number_list(certificate.input_gain));
+  add("disturbance_gain", number_list(certificate.disturbance_gain));
+  add("fault_gain", number_list(certificate.fault_gain));
+  add("dc_gain", number_list(certificate.dc_gain));
+  add("band_gain", number_list(certificate.band_gain));
+  add("band_Hz", json_number(certificate.band_Hz));
+  add("margin", number_list(certificate.margin));
+  add("smallest_fault", number_list(certificate.smallest_fault));
+  add("delay_s", number_list(certificate.delay_s));
+  text += fmt::format("        \"rank\": {}\n      }}", rank_text(certificate.rank));
+  return text;
+}
+
+std::string filter_text(const Bank& bank, const ResidualFilter& filter) {
+  // Column of a matrix's second row: under its first.
+  constexpr int kRowIndent = 12;
+  std::string text = "    {\n";
+  text += fmt::format("      \"name\": {},\n", json_string(filter.name));
+  text += fmt::format("      \"ignores\": {},\n", name_list(fault_names(bank, filter.ignores)));
+  text += fmt::format("      \"sees\": {},\n", name_list(sensitivity_names(filter.sees)));
+  for (const auto& [letter, matrix] :
+       {std::pair{'F', &filter.F}, std::pair{'E', &filter.E}, std::pair{'G', &filter.G},
+        std::pair{'M', &filter.M}, std::pair{'H', &filter.H}, std::pair{'K', &filter.K},
+        std::pair{'L', &filter.L}, std::pair{'J', &filter.J}}) {
+    text += fmt::format("      \"{}\": {},\n", letter, matrix_text(*matrix, kRowIndent));
+  }
+  text += fmt::format("      \"threshold\": {},\n", json_number(filter.threshold));
+  text += fmt::format("      \"forget_samples\": {},\n", filter.forget_samples);
+  text += fmt::format("      \"certificate\": {}\n    }}", certificate_text(filter.certificate));
+  return text;
+}
+
+}  // namespace
+
+std::string bank_text(const Bank& bank) {
+  std::vector<std::string> filters;
+  for (const ResidualFilter& filter : bank.filters) {
+    filters.push_back(filter_text(bank, filter));
+  }
+  std::string text = "{\n  \"schema\": 1,\n";
+  text += fmt::format("  \"name\": {},\n", json_string(bank.name));
+  text += fmt::format("  \"method\": {},\n", json_string(bank.method));
+  text += fmt::format("  \"plant\": {{\"name\": {}, \"digest\": {}}},\n",
+                      json_string(bank.plant_name), json_string(bank.plant_digest));
+  text += fmt::format("  \"request_digest\": {},\n", json_string(bank.request_digest));
+  text += fmt::format("  \"domain\": \"{}\",\n",
+                      bank.domain == DesignDomain::kSampled ? "sampled" : "continuous");
+  text += fmt::format("  \"sample_time_s\": {},\n", json_number(bank.sample_time_s));
+  text += fmt::format("  \"concurrent\": {},\n", bank.concurrent);
+  text += fmt::format("  \"inputs\": {},\n", name_list(bank.input_names));
+  text += fmt::format("  \"outputs\": {},\n", name_list(bank.output_names));
+  text += fmt::format("  \"faults\": {},\n", name_list(bank.fault_names));
+  text += fmt::format("  \"fault_sizes\": {},\n", number_list(bank.fault_sizes));
+  text += fmt::format("  \"operating_point\": {{\"u\": {}, \"y\": {}}},\n",
+                      number_list(bank.u_operating), number_list(bank.y_operating));
+  text += fmt::format("  \"disturbances\": {},\n", disturbances_text(bank.disturbances));
+  text += fmt::format("  \"decision\": {{\"dwell\": {}, \"settle\": {}, \"window\": {}}},\n",
+                      bank.decision.dwell, bank.decision.settle, bank.decision.window);
+  text += fmt::format("  \"isolability\": {},\n", isolability_text(bank));
+  text += fmt::format("  \"filters\": [\n{}\n  ]\n}}\n", fmt::join(filters, ",\n"));
+  return text;
+}
+
+}  // namespace faultline

@@ -1,0 +1,35 @@
+#include "diagnosis/certify/certify.h"
+
+#include <stdexcept>
+#include <string>
+
+#include <fmt/format.h>
+
+#include "diagnosis/certify/filter_proof.h"
+#include "diagnosis/certify/isolability.h"
+
+namespace faultline {
+namespace {
+
+void check_count(const char* what, std::size_t found, std::size_t expected) {
+  if (found != expected) {
+    throw std::invalid_argument(
+        fmt::format("the bank has {} {}, expected the plant's {}", found, what, expected));
+  }
+}
+
+}  // namespace
+
+void certify(const PlantModel& plant, Bank& bank) {
+  check_count("inputs", bank.input_names.size(), plant.input_names.size());
+  check_count("outputs", bank.output_names.size(), plant.output_names.size());
+  check_count("faults", bank.fault_names.size(), plant.faults.size());
+  check_count("disturbances", bank.disturbances.size(), plant.disturbances.size());
+  BankProof proof(plant, bank);
+  for (ResidualFilter& filter : bank.filters) {
+    filter.certificate = proof.prove(filter).certificate;
+  }
+  bank.isolability = analyse_isolability(plant, bank);
+}
+
+}  // namespace faultline

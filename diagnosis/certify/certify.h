@@ -1,0 +1,19 @@
+#pragma once
+
+#include "diagnosis/bank/bank.h"
+#include "diagnosis/model/plant_model.h"
+
+namespace faultline {
+
+/// Fills the certificates of `bank`: of each filter, and `isolability`. From plant and bank alone:
+/// this folder shares no code with diagnosis/design.
+///
+/// A certificate holds finite numbers only. Where the plant has a mode on the unit circle that a
+/// filter does not cancel (an undamped one, in the continuous domain), the gain there is the one at
+/// the distance 1e-6: what a million samples at resonance make of it.
+/// @throws std::invalid_argument the bank's lists do not fit the plant; a filter is not stable; the
+///   plant cannot be sampled at the bank's sample time, or a gain or margin is not finite: the
+///   entries of plant or filter differ too much in size.
+void certify(const PlantModel& plant, Bank& bank);
+
+}  // namespace faultline
