@@ -1,5 +1,4 @@
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <string>
 #include <system_error>
@@ -46,20 +45,10 @@ void print_verdict(std::FILE* out, const PlantModel& plant, const DesignResult& 
   }
 }
 
-// What does not exist, then per ignored set and reason which faults it hides.
 void print_failures(std::FILE* out, const DesignResult& result) {
-  const std::vector<std::string>& names = result.bank.fault_names;
-  if (result.failing.empty()) return;
-  fmt::print(out, "\n  what fails\n");
-  std::map<std::pair<FaultSet, std::string>, std::vector<std::size_t>> hidden;
-  for (const DesignFailure& failure : result.failing) {
-    hidden[{failure.ignores, failure.reason}].push_back(failure.fault);
-  }
-  for (const auto& [key, faults] : hidden) {
-    const auto& [ignores, reason] = key;
-    fmt::print(out, "  ignoring {{{}}} hides {}: {}\n", join_names(names, ignores),
-               join_names(names, faults), reason);
-  }
+  const std::vector<std::string> sentences = failure_sentences(result);
+  if (!sentences.empty()) fmt::print(out, "\n  what fails\n");
+  for (const std::string& sentence : sentences) fmt::print(out, "  {}\n", sentence);
 }
 
 void print_indistinguishable(std::FILE* out, const DesignResult& result) {

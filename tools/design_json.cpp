@@ -1,5 +1,6 @@
 #include "tools/design_json.h"
 
+#include <algorithm>
 #include <complex>
 #include <vector>
 
@@ -93,9 +94,19 @@ Json residual_json(const DesignResult& result, const ResidualReport& report) {
         {"largest_dropped", report.rank_margin.largest_dropped},
         {"stable_tolerances", {report.stability.tolerance_min, report.stability.tolerance_max}}}}};
   if (!report.reason.empty()) json["reason"] = report.reason;
-  for (const ResidualFilter& filter : bank.filters) {
-    if (filter.name == report.name) add_filter_json(json, bank, report, filter);
+  const auto filter =
+      std::find_if(bank.filters.begin(), bank.filters.end(),
+                   [&](const ResidualFilter& entry) { return entry.name == report.name; });
+  if (filter != bank.filters.end()) {
+    add_filter_json(json, bank, report, *filter);
+    return json;
   }
+  for (const char* const list : {"responds_to", "transient_only", "poles", "design_poles"}) {
+    json[list] = Json::array();
+  }
+  json["margins"] = Json::object();
+  json["dc_gain"] = Json::object();
+  json["certificate"] = nullptr;
   return json;
 }
 

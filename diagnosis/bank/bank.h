@@ -76,8 +76,8 @@ struct FilterCertificate {
 ///   e_k+1 = F e_k - L m_k
 ///   r_k   = M e_k - J m_k
 ///
-/// which is exact in the sampled domain; in the continuous one the hold of y adds what the
-/// certificate calls leakage.
+/// which is exact in the sampled domain; in the continuous one it is exact at DC, and elsewhere but
+/// for the hold of y.
 struct ResidualFilter {
   std::string name;                  ///< "r12"
   std::vector<std::size_t> ignores;  ///< indices of the faults it is decoupled from

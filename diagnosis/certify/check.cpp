@@ -246,9 +246,11 @@ class FilterCheck {
     }
     for (std::size_t j = 0; j < plant_.faults.size(); ++j) {
       const double allowed = proof.response_tolerance * gain + proof.fault_noise[j];
-      if (proof.first_samples_error[j] > proof.first_samples_noise[j]) {
-        findings_.add(fmt::format("L and J as response to {}", fault(j)), "the first two samples",
-                      fmt::format("others, by {}", number(proof.first_samples_error[j])));
+      if (proof.exact_error[j] > proof.exact_noise[j]) {
+        findings_.add(fmt::format("L and J as response to {}", fault(j)),
+                      bank_.domain == DesignDomain::kSampled ? "the first two samples"
+                                                             : "the first sample and DC",
+                      fmt::format("others, by {}", number(proof.exact_error[j])));
       } else if (proof.internal_error[j] > allowed) {
         findings_.add(
             fmt::format("L and J as response to {}", fault(j)),

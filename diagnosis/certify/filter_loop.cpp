@@ -124,16 +124,20 @@ FilterLoop::Gains FilterLoop::at(double angle) const {
   return gains;
 }
 
-FilterLoop::FirstSamples FilterLoop::first_samples() const {
+FilterLoop::ExactResponse FilterLoop::exact_response(DesignDomain domain) const {
   const MatrixXd D_f = plant_.fault_outputs();
+  const VectorXd direct = (J_ - H_ * D_f).colwise().norm().transpose();
+  if (domain == DesignDomain::kContinuous) {
+    const Gains dc = at(0.0);
+    const VectorXd possible = dc.possible.segment(G_.cols(), L_.cols()) + dc.stored_gain;
+    return {direct.cwiseMax(dc.internal_error), possible.unaryExpr(&rounding_error)};
+  }
   const MatrixXd C_L = plant_.fault_first_outputs();
-  const MatrixXd direct = J_ - H_ * D_f;
   const MatrixXd next = M_ * L_ - H_ * C_L - M_ * (E_ * D_f);
   const VectorXd terms =
       H_.norm() * (D_f.colwise().norm() + C_L.colwise().norm()).transpose() +
       M_.norm() * (L_.colwise().norm() + E_.norm() * D_f.colwise().norm()).transpose();
-  return {direct.colwise().norm().cwiseMax(next.colwise().norm()).transpose(),
-          kRoundingError * terms};
+  return {direct.cwiseMax(next.colwise().norm().transpose()), kRoundingError * terms};
 }
 
 std::vector<double> FilterLoop::own_angles() const {

@@ -31,12 +31,13 @@ class FilterLoop {
   };
   [[nodiscard]] Gains at(double angle) const;
 
-  /// How far the stored L and J are from the first two samples of the response to an impulse of
-  /// each fault: the larger of ‖J - H D_f‖₂ and ‖M L - H C L_d - M E D_f‖₂, and its rounding error.
-  struct FirstSamples {
+  /// How far, per fault, the stored L and J are from what must be exact, and its rounding error:
+  /// ‖J - H D_f‖₂ in either domain; in the sampled one the second sample of the response to an
+  /// impulse, ‖M L - H C L_d - M E D_f‖₂, in the continuous one the gain at DC.
+  struct ExactResponse {
     Eigen::VectorXd error, noise;
   };
-  [[nodiscard]] FirstSamples first_samples() const;
+  [[nodiscard]] ExactResponse exact_response(DesignDomain domain) const;
 
   /// Angles of the filter's own resonances and of its band, beyond those of the plant.
   [[nodiscard]] std::vector<double> own_angles() const;

@@ -259,11 +259,11 @@ FilterProof BankProof::prove(const ResidualFilter& filter) {
   for (const double angle : loop.own_angles()) {
     gains.add(angle);
   }
-  const FilterLoop::FirstSamples first = loop.first_samples();
+  const FilterLoop::ExactResponse exact = loop.exact_response(bank_.domain);
   for (std::size_t j = 0; j < plant_.faults.size(); ++j) {
     const double size = plant_.faults[j].size;
-    proof.first_samples_error.push_back(size * first.error[static_cast<Index>(j)]);
-    proof.first_samples_noise.push_back(size * first.noise[static_cast<Index>(j)]);
+    proof.exact_error.push_back(size * exact.error[static_cast<Index>(j)]);
+    proof.exact_noise.push_back(size * exact.noise[static_cast<Index>(j)]);
   }
   proof.response_tolerance = response_tolerance_;
   Decoupling decoupling = decoupling_.of(filter.ignores);

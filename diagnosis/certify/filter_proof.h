@@ -20,9 +20,8 @@ struct FilterProof {
   /// Largest difference that is none, relative to the gain: in the continuous domain the state
   /// between samples is only nearly the hold's.
   double response_tolerance = 0.0;
-  /// The same for the first two samples of the response to an impulse, which are exact in either
-  /// domain: ‖J - H D_f‖ and ‖M L - H C L_d - M E D_f‖, and their rounding errors.
-  std::vector<double> first_samples_error, first_samples_noise;
+  /// The same for what must be exact: FilterLoop::ExactResponse.
+  std::vector<double> exact_error, exact_noise;
 };
 
 /// Proves the filters of one bank; what they have in common is computed once.

@@ -50,8 +50,7 @@ void implement(const DesignModel& model, const DesignedFilter& designed, double 
     filter.E = y_path.B_0 + y_path.A * y_path.B_1;
     filter.G = discretize_zoh(designed.F, designed.G, sample_time_s).B;
     filter.H += filter.M * y_path.B_1;
-    const MatrixXd V = designed.P + y_path.B_1 * model.C;
-    filter.L = V * discretize_zoh(model.A, model.faults.state, sample_time_s).B;
+    filter.L = discretize_zoh(designed.F, designed.P * model.faults.state, sample_time_s).B;
   }
   filter.L += filter.E * model.faults.output;
   filter.J = filter.H * model.faults.output;

@@ -22,8 +22,9 @@ struct DesignedFilter {
 ///
 ///   v_k+1 = F_d v_k - (E_0 + F_d E_1) ỹ_k + G_d u_k,  r_k = M v_k - (H + M E_1) ỹ_k.
 ///
-/// With V = P + E_1 C the error e = v - V x sees held faults through L = V L_d + E D_f and
-/// J = H D_f. Fills the matrices of `filter` only.
+/// Held faults reach it through L and J = H D_f. Sampled domain: L = P L_d + E D_f, exactly.
+/// Continuous domain: L = ∫_0^T e^(F τ) dτ P L_state + E D_f, the continuous filter's own response,
+/// exact at DC; at other frequencies but for the hold of y. Fills the matrices of `filter` only.
 void implement(const DesignModel& model, const DesignedFilter& designed, double sample_time_s,
                double factor, ResidualFilter& filter);
 

@@ -224,7 +224,7 @@ class Run(FolderTest):
         self.folder.patch("plant.toml", *UNSOLVABLE)
         answer = self.folder.run("run", "demo.toml")
         self.assert_code(1, answer)
-        self.assertIn("r12", answer.err)
+        self.assertIn("ignoring {u1, u2} hides u3, u4: rank C W* = rank C = 2", answer.err)
         self.assertEqual(self.folder.logs(), [])
 
     def test_a_designed_bank_gives_the_run_of_its_request(self):

@@ -1,9 +1,12 @@
 #include "tools/bench/bank_cache.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdlib>
 #include <exception>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -45,13 +48,22 @@ std::string build_stamp() {
   return fmt::format("{} {}", kVersion, ticks);
 }
 
-std::string name_sets(const DesignResult& result) {
-  std::string text;
-  for (const ResidualReport& report : result.residuals) {
-    if (report.exists) continue;
-    text += fmt::format("\n  {}: {}", report.name, report.reason);
+// A screenful; `faultline design` says it all.
+constexpr std::size_t kListedFailures = 10;
+
+std::string not_solvable_text(const PlantModel& plant, const BankRequest& request,
+                              const DesignResult& result) {
+  std::string text =
+      fmt::format("{}: bank \"{}\" is not solvable for plant \"{}\":", request.source, request.name,
+                  plant.name);
+  const std::vector<std::string> sentences = failure_sentences(result);
+  for (std::size_t i = 0; i < std::min(sentences.size(), kListedFailures); ++i) {
+    text += "\n  " + sentences[i];
   }
-  return text;
+  if (sentences.size() > kListedFailures) {
+    text += fmt::format("\n  and {} more", sentences.size() - kListedFailures);
+  }
+  return text + "\n  faultline design --partial writes a bank of the residuals that exist";
 }
 
 }  // namespace
@@ -76,9 +88,7 @@ Bank cached_design(const PlantModel& plant, const BankRequest& request) {
   }
   DesignResult result = designed_and_certified(plant, request);
   if (!result.is_solvable) {
-    throw NotSolvable(
-        fmt::format("{}: not every residual of bank \"{}\" exists for plant \"{}\":{}",
-                    request.source, request.name, plant.name, name_sets(result)));
+    throw NotSolvable(not_solvable_text(plant, request, result));
   }
   if (!folder.empty()) write_cached(result.bank, file);
   return std::move(result.bank);

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "diagnosis/design/bank_request.h"
 #include "diagnosis/design/design_bank.h"
 #include "diagnosis/model/plant_model.h"
@@ -10,5 +13,9 @@ namespace faultline {
 /// @throws InputError as design_bank, and where certify refuses: at `plant` of the request.
 [[nodiscard]] DesignResult designed_and_certified(const PlantModel& plant,
                                                   const BankRequest& request);
+
+/// What fails, one sentence per set of ignored faults and reason:
+/// "ignoring {u1, u2} hides u3, u4: ..."; empty if nothing does.
+[[nodiscard]] std::vector<std::string> failure_sentences(const DesignResult& result);
 
 }  // namespace faultline

@@ -1,11 +1,13 @@
 #include "tools/replay/log_info.h"
 
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
 #include <fstream>
-#include <new>
 #include <set>
+#include <span>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 
 #include <faultline/can_t.hpp>
@@ -21,6 +23,7 @@
 #include <lcm/lcm-cpp.hpp>
 
 #include "tools/bench/channels.h"
+#include "tools/replay/message_layout.h"
 
 namespace faultline {
 namespace {
@@ -42,15 +45,13 @@ void check_is_log(const std::filesystem::path& file) {
 }
 
 template <class Message>
-bool is_decoded(const lcm::LogEvent& event, Message& message) {
-  try {
-    return message.decode(event.data, 0, event.datalen) >= 0;
-  } catch (
-      const std::length_error&) {  // a damaged count: lcm-gen sizes the array before it reads it
-    return false;
-  } catch (const std::bad_alloc&) {
-    return false;
-  }
+bool is_decoded(const lcm::LogEvent& event, std::string_view layout, Message& message) {
+  constexpr std::size_t kFingerprintBytes = 8;
+  const std::span bytes(static_cast<const std::uint8_t*>(event.data),
+                        static_cast<std::size_t>(event.datalen));
+  return bytes.size() >= kFingerprintBytes &&
+         laid_out_size(layout, bytes.subspan(kFingerprintBytes)) &&
+         message.decode(event.data, 0, event.datalen) >= 0;
 }
 
 class InfoReader {
@@ -62,26 +63,27 @@ class InfoReader {
     ++channel.messages;
     channel.bytes += static_cast<std::uint64_t>(event.datalen);
     if (event.channel == kRunChannel) {
-      take_as<run_t>(event, channel, [this](const run_t& run) { take_run(run); });
+      take_as<run_t>(event, layout::kRun, channel, [this](const run_t& run) { take_run(run); });
     } else if (event.channel == kDiagnosisChannel) {
-      take_as<diagnosis_t>(event, channel, [this, &event](const diagnosis_t& diagnosis) {
-        take_diagnosis(diagnosis, event.timestamp);
-      });
+      take_as<diagnosis_t>(event, layout::kDiagnosis, channel,
+                           [this, &event](const diagnosis_t& diagnosis) {
+                             take_diagnosis(diagnosis, event.timestamp);
+                           });
     } else if (event.channel == kEstimateChannel) {
-      take_as<estimate_t>(event, channel,
+      take_as<estimate_t>(event, layout::kEstimate, channel,
                           [this](const estimate_t& estimate) { take_estimate(estimate); });
     } else if (event.channel == kCanChannel) {
-      take_as<can_t>(event, channel, [](const can_t&) {});
+      take_as<can_t>(event, layout::kCan, channel, [](const can_t&) {});
     } else if (event.channel == kSampleChannel) {
-      take_as<sample_t>(event, channel, [](const sample_t&) {});
+      take_as<sample_t>(event, layout::kSample, channel, [](const sample_t&) {});
     } else if (event.channel == kResidualChannel) {
-      take_as<residual_t>(event, channel, [](const residual_t&) {});
+      take_as<residual_t>(event, layout::kResidual, channel, [](const residual_t&) {});
     } else if (event.channel == kTruthChannel) {
-      take_as<truth_t>(event, channel, [](const truth_t&) {});
+      take_as<truth_t>(event, layout::kTruth, channel, [](const truth_t&) {});
     } else if (event.channel == kEventChannel) {
-      take_as<event_t>(event, channel, [](const event_t&) {});
+      take_as<event_t>(event, layout::kEvent, channel, [](const event_t&) {});
     } else if (event.channel == kStatsChannel) {
-      take_as<stats_t>(event, channel, [](const stats_t&) {});
+      take_as<stats_t>(event, layout::kStats, channel, [](const stats_t&) {});
     }
   }
 
@@ -95,9 +97,10 @@ class InfoReader {
 
  private:
   template <class Message, class Action>
-  void take_as(const lcm::LogEvent& event, LogInfo::Channel& channel, const Action& action) {
+  void take_as(const lcm::LogEvent& event, std::string_view layout, LogInfo::Channel& channel,
+               const Action& action) {
     Message message;
-    if (!is_decoded(event, message)) {
+    if (!is_decoded(event, layout, message)) {
       ++info_.undecodable;
       return;
     }
