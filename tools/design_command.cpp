@@ -1,8 +1,12 @@
+#include <chrono>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <system_error>
 #include <vector>
+
+#include <unistd.h>
 
 #include <CLI/App.hpp>
 #include <CLI/Validators.hpp>
@@ -107,10 +111,38 @@ void write(const Bank& bank, const DesignArguments& arguments, std::FILE* out) {
   fmt::print(out, "\n  written to {}\n", output.string());
 }
 
+// Shows on a terminal how far a long design is; a short one, or another stderr, sees nothing of it.
+class ProgressLine {
+ public:
+  ~ProgressLine() {
+    if (is_shown_) fmt::print(stderr, "\r\033[K");
+  }
+  void operator()(std::size_t done, std::size_t total) {
+    const auto now = Clock::now();
+    if (!is_terminal_ || now - shown_ < kPeriod) return;
+    shown_ = now;
+    is_shown_ = true;
+    fmt::print(stderr, "\r  {} of {} residuals designed\033[K", done, total);
+    std::fflush(stderr);
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::milliseconds kPeriod{500};
+  const bool is_terminal_ = ::isatty(STDERR_FILENO) == 1;
+  bool is_shown_ = false;
+  Clock::time_point shown_ = Clock::now();
+};
+
+DesignResult designed_with_progress(const PlantModel& plant, const BankRequest& request) {
+  ProgressLine line;
+  return designed_and_certified(plant, request, std::ref(line));
+}
+
 int design(const DesignArguments& arguments) {
   const BankRequest request = read_bank_request(arguments.request);
   const PlantModel plant = read_requested_plant(request);
-  const DesignResult result = designed_and_certified(plant, request);
+  const DesignResult result = designed_with_progress(plant, request);
   std::FILE* out = human_output(arguments.json);
   nlohmann::ordered_json json = design_json(result);
   print_verdict(out, plant, result);

@@ -200,9 +200,13 @@ class BankDesign {
     result_.bank = bank_without_filters(plant, request);
   }
 
-  DesignResult run() {
-    for (const FaultSet& ignores : requested_sets(plant_, request_)) {
+  DesignResult run(const DesignProgress& progress) {
+    const std::vector<FaultSet> sets = requested_sets(plant_, request_);
+    for (const FaultSet& ignores : sets) {
       add_residual(ignores);
+      if (progress) {
+        progress(result_.residuals.size(), sets.size());
+      }
     }
     const std::size_t fault_count = plant_.faults.size();
     if (request_.structure == StructureChoice::kSmallest) {
@@ -367,9 +371,10 @@ class BankDesign {
 
 }  // namespace
 
-DesignResult design_bank(const PlantModel& plant, const BankRequest& request) {
+DesignResult design_bank(const PlantModel& plant, const BankRequest& request,
+                         const DesignProgress& progress) {
   check_request(plant, request);
-  return BankDesign(plant, request).run();
+  return BankDesign(plant, request).run(progress);
 }
 
 }  // namespace faultline

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <complex>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -57,10 +58,14 @@ struct DesignResult {
   bool is_structure_proved_smallest = true;  ///< false: the search was cut short
 };
 
+/// Told after each residual how many of how many are done.
+using DesignProgress = std::function<void(std::size_t done, std::size_t total)>;
+
 /// Designs the bank that `request` asks for, for `plant`.
 /// @throws InputError what is asked cannot be asked of this plant (poles outside the stable region,
 ///   unpaired complex poles, more often than possible; unknown disturbance or fault; no state, no
 ///   output, no fault; numbers that are not finite; p < 1; method unknown).
-[[nodiscard]] DesignResult design_bank(const PlantModel& plant, const BankRequest& request);
+[[nodiscard]] DesignResult design_bank(const PlantModel& plant, const BankRequest& request,
+                                       const DesignProgress& progress = {});
 
 }  // namespace faultline

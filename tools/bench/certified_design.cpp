@@ -11,8 +11,9 @@
 
 namespace faultline {
 
-DesignResult designed_and_certified(const PlantModel& plant, const BankRequest& request) {
-  DesignResult result = design_bank(plant, request);
+DesignResult designed_and_certified(const PlantModel& plant, const BankRequest& request,
+                                    const DesignProgress& progress) {
+  DesignResult result = design_bank(plant, request, progress);
   try {
     certify(plant, result.bank);
   } catch (const std::invalid_argument& error) {
