@@ -28,6 +28,7 @@ struct CanFrame {
   Timestamp stamp{};                  ///< receive time; ignored on sending
   std::uint32_t id = 0;               ///< 11 or 29 bits, no flag bits
   std::uint8_t length = 0;            ///< payload bytes
+  std::uint8_t bus = 0;               ///< which bus of several (BusGroup); 0 where there is one
   bool is_extended = false;           ///< 29-bit identifier
   bool is_fd = false;                 ///< CAN FD frame
   bool is_bit_rate_switched = false;  ///< FD only: BRS
@@ -41,7 +42,7 @@ struct CanFrame {
     return {data.data(), length};
   }
 
-  /// True if `a` and `b` are the same frame on the wire; the receive time does not count.
+  /// True if `a` and `b` are the same frame on the wire; receive time and bus do not count.
   [[nodiscard]] friend bool same_on_wire(const CanFrame& a, const CanFrame& b) noexcept {
     return a.id == b.id && a.length == b.length && a.is_extended == b.is_extended &&
            a.is_fd == b.is_fd && a.is_bit_rate_switched == b.is_bit_rate_switched &&

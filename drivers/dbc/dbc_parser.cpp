@@ -309,7 +309,8 @@ void DbcParser::parse_multiplexing(DbcSignal& signal) {
   std::uint32_t value = 0;
   const auto [end, error] = std::from_chars(mark.data(), mark.data() + mark.size(), value);
   if (error != std::errc{} || end != mark.data() + mark.size()) fail(token, kExpected);
-  signal.multiplexer_value = value;
+  signal.multiplexer = 0;
+  signal.multiplexer_ranges.push_back({value, value});
 }
 
 void DbcParser::parse_bit_layout(DbcSignal& signal) {
@@ -410,10 +411,7 @@ void DbcParser::parse_value_names() {
     if (!value) fail(value_token, "a whole number");
     std::string value_name = expect_string("the value's name, a string");
     if (signal == nullptr) continue;
-    if (!signal->value_names.emplace(*value, std::move(value_name)).second) {
-      warn(value_token.position,
-           fmt::format("signal {} names the value {} twice", signal->name, *value));
-    }
+    signal->value_names.push_back({*value, std::move(value_name)});
   }
 }
 

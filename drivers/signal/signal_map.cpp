@@ -265,12 +265,11 @@ PlacedSignal SignalMapBuilder::find_signal(const std::string& channel,
 void SignalMapBuilder::require_usable(const std::string& channel,
                                       const PlacedSignal& placed) const {
   const DbcSignal& signal = *placed.signal;
-  if (signal.multiplexer_value) {
-    fail(
-        signal.position,
-        fmt::format("channel \"{}\": signal {} is multiplexed (m{}), expected one that every frame "
-                    "of its message carries",
-                    channel, placed.full_name(), *signal.multiplexer_value));
+  if (signal.multiplexer != DbcSignal::kAlwaysPresent) {
+    fail(signal.position,
+         fmt::format("channel \"{}\": signal {} is multiplexed, expected one that every frame of its "
+                     "message carries",
+                     channel, placed.full_name()));
   }
   if (placed.message->length > kMaxPayload) {
     fail(placed.message->position,

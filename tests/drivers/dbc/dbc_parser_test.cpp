@@ -135,19 +135,20 @@ TEST(DbcParser, ReadsMultiplexing) {
   const DbcDatabase dbc = parse(kBench);
   const DbcMessage& inputs = dbc.messages[1];
   EXPECT_TRUE(inputs.find_signal("mux")->is_multiplexer);
-  EXPECT_FALSE(inputs.find_signal("mux")->multiplexer_value.has_value());
+  EXPECT_EQ(inputs.find_signal("mux")->multiplexer, DbcSignal::kAlwaysPresent);
   EXPECT_FALSE(inputs.find_signal("u1")->is_multiplexer);
-  EXPECT_EQ(inputs.find_signal("u1")->multiplexer_value, 0u);
+  EXPECT_EQ(inputs.find_signal("u1")->multiplexer_ranges.at(0).first, 0u);
   EXPECT_TRUE(inputs.find_signal("u2")->is_multiplexer);
-  EXPECT_EQ(inputs.find_signal("u2")->multiplexer_value, 1u);
+  EXPECT_EQ(inputs.find_signal("u2")->multiplexer_ranges.at(0).first, 1u);
 }
 
 TEST(DbcParser, ReadsFloatTypesAndValueNames) {
   const DbcDatabase dbc = parse(kBench);
   EXPECT_EQ(dbc.messages[1].find_signal("u1")->type, SignalType::kFloat32);
   const auto& names = dbc.messages[0].find_signal("k")->value_names;
-  EXPECT_EQ(names.size(), 2u);
-  EXPECT_EQ(names.at(15), "fifteen");
+  ASSERT_EQ(names.size(), 2u);
+  EXPECT_EQ(names[1].value, 15);
+  EXPECT_EQ(names[1].name, "fifteen");
 }
 
 TEST(DbcParser, ReadsComments) {

@@ -251,7 +251,7 @@ TEST(SignalMapErrors, TellOfASignalThatIsTwoChannels) {
 
 TEST(SignalMapErrors, TellOfAMultiplexedChannel) {
   EXPECT_EQ(error_of(bench(), {}, {"u2"}, {}),
-            "bench.dbc:16:6: channel \"u2\": signal Commands.u2 is multiplexed (m1), expected one "
+            "bench.dbc:16:6: channel \"u2\": signal Commands.u2 is multiplexed, expected one "
             "that every frame of its message carries");
 }
 
