@@ -15,6 +15,7 @@
 #include "drivers/dbc/dbc_parser.h"
 #include "tools/bank_print.h"
 #include "tools/bench/scenario.h"
+#include "tools/can/dbc_print.h"
 #include "tools/cli.h"
 #include "tools/replay/log_info.h"
 
@@ -101,36 +102,8 @@ Json info_of_toml(const std::filesystem::path& file, std::FILE* out) {
 
 Json info_of_dbc(const std::filesystem::path& file, std::FILE* out) {
   const DbcDatabase dbc = read_dbc(file);
-  fmt::print(out, "{}: {} messages\n", file.string(), dbc.messages.size());
-  Json json{{"kind", "dbc"}, {"messages", Json::array()}, {"warnings", Json::array()}};
-  for (const DbcMessage& message : dbc.messages) {
-    fmt::print(out, "  0x{:0{}X} {} [{}]\n", message.id, message.is_extended ? 8 : 3, message.name,
-               message.length);
-    Json signals = Json::array();
-    for (const DbcSignal& signal : message.signals) {
-      fmt::print(out, "    {:<20} {:>3} bits at {:>3}, factor {:g}, offset {:g} {}\n", signal.name,
-                 signal.bit_count, signal.start_bit, signal.factor, signal.offset, signal.unit);
-      signals.push_back({{"name", signal.name},
-                         {"start_bit", signal.start_bit},
-                         {"bits", signal.bit_count},
-                         {"factor", signal.factor},
-                         {"offset", signal.offset},
-                         {"unit", signal.unit}});
-    }
-    json["messages"].push_back({{"name", message.name},
-                                {"id", message.id},
-                                {"extended", message.is_extended},
-                                {"length", message.length},
-                                {"signals", signals}});
-  }
-  for (const DbcWarning& warning : dbc.warnings) {
-    fmt::print(out, "  warning {}:{}:{}: {}\n", file.string(), warning.position.line,
-               warning.position.column, warning.text);
-    json["warnings"].push_back({{"line", warning.position.line},
-                                {"column", warning.position.column},
-                                {"text", warning.text}});
-  }
-  return json;
+  print_dbc(out, dbc);
+  return dbc_json(dbc);
 }
 
 Json info_of_log(const std::filesystem::path& file, std::FILE* out) {
