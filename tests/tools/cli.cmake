@@ -7,3 +7,14 @@ foreach(test IN ITEMS can_cli design_cli faultline_cli lcm_logger)
     TIMEOUT 120
     ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>")
 endforeach()
+
+# On real CAN sockets, which sanitized programs cannot have (see tests/drivers).
+if(NOT FAULTLINE_SANITIZER)
+  add_test(NAME can_bus
+    COMMAND ${PROJECT_SOURCE_DIR}/tools/with-vcan -t 120 -i vcan0 -i vcan1 --
+            ${Python3_EXECUTABLE} ${CMAKE_CURRENT_SOURCE_DIR}/can_bus_test.py)
+  set_tests_properties(can_bus PROPERTIES
+    LABELS vcan
+    TIMEOUT 150
+    ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>;WITH_VCAN_INIT=$<TARGET_FILE:vcan_init>")
+endif()

@@ -18,7 +18,8 @@ void BusLoad::add(const CanFrame& frame) {
     current_second_.resize(loads_.size());
   }
   const FrameBits bits = frame_bits(frame);
-  const double time_s = bits.nominal / rates_.nominal + bits.data / rates_.data;
+  const double time_s =
+      std::chrono::duration<double>(frame_time(bits, rates_.nominal, rates_.data)).count();
   const std::int64_t second =
       std::chrono::floor<std::chrono::seconds>(frame.stamp - *first_).count();
   Load& load = loads_[frame.bus];
