@@ -71,9 +71,15 @@ struct MessageProtection {
   /// The counter's raw value. @pre has_counter(), payload.size() >= length
   [[nodiscard]] std::uint64_t count(std::span<const std::uint8_t> payload) const noexcept;
   /// Writes counter, data id nibble and checksum, those that there are.
-  /// @pre payload.size() >= length, count <= last_count
-  void write(std::span<std::uint8_t> payload, std::uint64_t count) const noexcept;
+  /// @pre payload.size() >= length, counter <= last_count
+  void write(std::span<std::uint8_t> payload, std::uint64_t counter) const noexcept;
+
+ private:
+  [[nodiscard]] std::uint16_t checksum(std::span<const std::uint8_t> payload) const noexcept;
 };
+
+/// True if two signals of one message share a bit of the first 64 bytes.
+[[nodiscard]] bool overlap(const DbcSignal& a, const DbcSignal& b) noexcept;
 
 /// What `signal` is for. @throws ProtectionError unknown role, or one that is no text.
 [[nodiscard]] SignalRole role_of(const DbcDatabase& dbc, const DbcSignal& signal);

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
 
 #include "drivers/can/can_frame.h"
 #include "drivers/dbc/dbc_database.h"
@@ -63,7 +64,7 @@ class PeriodStatistics {
   [[nodiscard]] const JitterHistogram& jitter() const noexcept { return jitter_; }
 
  private:
-  void compare_with_period(double gap_s) noexcept;
+  void compare_with_period(std::chrono::nanoseconds gap) noexcept;
 
   std::chrono::nanoseconds period_;
   Timestamp last_{};

@@ -11,7 +11,7 @@ enum class SignalState : std::uint8_t {
   kStale,         ///< the last one is too old
   kCounterError,  ///< the last frame's alive counter repeated, or is no number of its sequence
   kCrcError,      ///< the last frame's checksum was wrong
-  kNeverSeen,     ///< no good frame has come yet
+  kNeverSeen,     ///< none has come yet
 };
 
 /// The state in words for people and logs.

@@ -48,7 +48,7 @@ inline constexpr int kStalePeriods = 3;
 [[nodiscard]] std::optional<std::chrono::nanoseconds> age(const IdentifierTraffic& traffic,
                                                           Timestamp now) noexcept;
 
-/// State at `now`: kNeverSeen before the first usable frame, unless the last one was bad;
+/// State at `now`: kNeverSeen before the first data frame;
 /// kStale when the last data frame is more than kStalePeriods periods old (never without a period);
 /// else what the last frame's check says: kCrcError (also a frame that was too short),
 /// kCounterError (repeated, out of range, or a gap before it), kFresh.
@@ -62,7 +62,7 @@ inline constexpr int kStalePeriods = 3;
 /// have an entry from the beginning, in the DBC's order, on the bus they live on or else bus 0;
 /// other identifiers get theirs as they are seen. Error frames have none.
 ///
-/// Memory is set aside at construction, and used as identifiers appear (about 1 kB each): after
+/// Memory is set aside at construction, and used as identifiers appear (less than 1 kB each): after
 /// construction nothing allocates or throws. Use from one thread.
 class TrafficMonitor {
  public:
@@ -71,8 +71,16 @@ class TrafficMonitor {
   /// Without a DBC: counts and times of every identifier.
   TrafficMonitor() : TrafficMonitor(DbcDatabase{}) {}
   /// Copies what it needs of `dbc`. @param max_identifiers entries beside those of the DBC
-  /// @throws ProtectionError a message's protection or bus is described wrongly.
+  /// @throws ProtectionError a message's protection or bus is described wrongly;
+  ///   std::invalid_argument 2^32 or more identifiers.
   explicit TrafficMonitor(const DbcDatabase& dbc, std::size_t max_identifiers = kMaxIdentifiers);
+
+  TrafficMonitor(TrafficMonitor&&) noexcept = default;
+  TrafficMonitor& operator=(TrafficMonitor&&) noexcept = default;
+  // A copy would not have the memory set aside.
+  TrafficMonitor(const TrafficMonitor&) = delete;
+  TrafficMonitor& operator=(const TrafficMonitor&) = delete;
+  ~TrafficMonitor() = default;
 
   /// Takes one frame, in the order received.
   /// @return its entry, or nullptr: an error frame, or no room for another identifier. Valid as
@@ -92,13 +100,16 @@ class TrafficMonitor {
   [[nodiscard]] std::uint64_t untracked_frames() const noexcept { return untracked_frames_; }
 
  private:
+  static constexpr std::uint32_t kNoPlace = std::numeric_limits<std::uint32_t>::max();
+  /// The slot of `key`, or the free one where it would go.
   [[nodiscard]] std::size_t slot_of(std::uint64_t key) const noexcept;
   IdentifierTraffic* find_or_add(const CanFrame& frame) noexcept;
   IdentifierTraffic& add(std::uint64_t key, std::size_t slot) noexcept;
 
   std::vector<IdentifierTraffic> entries_;
-  std::vector<std::uint64_t> keys_;             ///< open addressing; by slot: the identifier
-  std::vector<std::uint32_t> places_;           ///< by slot: index in entries_ plus one; 0: free
+  std::vector<std::uint64_t> keys_;    ///< open addressing; by slot: the identifier
+  std::vector<std::uint32_t> places_;  ///< by slot: index in entries_ plus one; 0: free
+  std::size_t max_entries_ = 0;
   std::vector<std::uint8_t> lives_on_one_bus_;  ///< per message of the DBC
   std::uint64_t frames_ = 0;
   std::uint64_t error_frames_ = 0;
