@@ -131,6 +131,13 @@ class Decode(CanTest):
         self.assertEqual(len(answer.err.splitlines()), 21)
         self.assertIn("980 more", answer.err)
 
+    def test_lines_of_any_length(self):
+        answer = self.feed(f"{'x' * 3000000}\n{SPEEDS}\n(1.0) c 123#{'00' * 1500000}\n{SPEEDS}", "decode",
+                           "--dbc", "car.dbc")
+        self.assert_code(2, answer)
+        self.assertEqual(len(lines_of(answer.out)), 2)
+        self.assertEqual(re.findall(r"stdin:(\d+):", answer.err), ["1", "3"])
+
     def test_a_file_that_is_no_log_is_refused(self):
         self.folder.write("binary", bytes(range(256)) * 100)
         self.folder.write("text", "lorem ipsum\n" * 1000)
