@@ -22,8 +22,12 @@ namespace faultline {
 /// @throws BusError the bus cannot be opened.
 [[nodiscard]] std::unique_ptr<CanBus> open_bus(std::string_view spec);
 
+/// Whether `spec` reads as what `open_bus` opens, without opening anything.
+/// @throws std::invalid_argument as open_bus.
+void check_bus_names(std::string_view spec);
+
 /// The buses of a list, one name each: "can:vcan0,udp:[ff15::1]:43113" gives two.
-/// @throws std::invalid_argument an empty one.
+/// @throws std::invalid_argument one of them is empty.
 [[nodiscard]] std::vector<std::string> split_bus_names(std::string_view spec);
 
 }  // namespace faultline
