@@ -6,8 +6,10 @@
 #include <map>
 #include <string>
 #include <string_view>
-#include <variant>
 #include <vector>
+
+#include "drivers/dbc/dbc_attributes.h"
+#include "drivers/dbc/dbc_names.h"
 
 namespace faultline {
 
@@ -17,12 +19,8 @@ struct DbcPosition {
   int column = 1;
 };
 
-/// Value of an attribute (BA_): integer and hex kinds as integer, enumerations as their text.
-using DbcAttributeValue = std::variant<std::int64_t, double, std::string>;
-using DbcAttributes = std::map<std::string, DbcAttributeValue, std::less<>>;
-
-enum class ByteOrder { kLittleEndian, kBigEndian };  ///< DBC `@1` (Intel), `@0` (Motorola)
-enum class SignalType { kUnsigned, kSigned, kFloat32, kFloat64 };
+enum class ByteOrder : std::uint8_t { kLittleEndian, kBigEndian };  ///< `@1` Intel, `@0` Motorola
+enum class SignalType : std::uint8_t { kUnsigned, kSigned, kFloat32, kFloat64 };
 
 /// A raw value's name (VAL_, VAL_TABLE_).
 struct DbcValueName {
@@ -56,7 +54,7 @@ struct DbcSignal {
   std::int32_t multiplexer = kAlwaysPresent;
   /// Raw values of the multiplexer with which this signal is present, ascending.
   std::vector<DbcMultiplexRange> multiplexer_ranges;
-  std::vector<std::string> receivers;
+  DbcNames receivers;
   std::string comment;
   std::vector<DbcValueName> value_names;  ///< VAL_, ascending by value
   DbcAttributes attributes;
@@ -73,7 +71,7 @@ struct DbcMessage {
   bool is_extended = false;
   std::uint16_t length = 0;  ///< payload bytes
   std::string transmitter;
-  std::vector<std::string> other_transmitters;  ///< BO_TX_BU_
+  DbcNames other_transmitters;  ///< BO_TX_BU_
   std::vector<DbcSignal> signals;
   std::string comment;
   DbcAttributes attributes;
@@ -83,7 +81,7 @@ struct DbcMessage {
   [[nodiscard]] const DbcSignal* find_signal(std::string_view signal_name) const noexcept;
 };
 
-enum class DbcSeverity {
+enum class DbcSeverity : std::uint8_t {
   kNote,     ///< nothing is lost: a section that is not read
   kWarning,  ///< understood, but wrong or unusual: signals that overlap, an unknown message
   kError,    ///< a statement, or part of it, could not be understood and was skipped
@@ -107,7 +105,7 @@ struct DbcSignalGroup {
   std::string name;
   std::size_t message = 0;  ///< index among the database's messages
   std::uint32_t repetitions = 1;
-  std::vector<std::string> signals;
+  DbcNames signals;
 };
 
 /// An environment variable (EV_).
@@ -117,10 +115,11 @@ struct DbcEnvironmentVariable {
   double maximum = 0.0;
   double initial = 0.0;
   std::string unit;
-  std::vector<std::string> nodes;
+  DbcNames nodes;
   std::vector<DbcValueName> value_names;
   std::string comment;
   DbcAttributes attributes;
+  DbcPosition position;
 };
 
 /// What a DBC file says. Plain data: fill it, copy it, read it.
@@ -137,7 +136,8 @@ struct DbcDatabase {
   DbcAttributes attributes;                                           ///< of the network
   std::map<std::string, DbcAttributes, std::less<>> node_attributes;  ///< by node
   DbcAttributes default_attributes;                                   ///< BA_DEF_DEF_
-  std::vector<DbcWarning> warnings;       ///< the first kMaxWarnings, in the order of the file
+  /// The first kMaxWarnings of each severity, in the order of the file.
+  std::vector<DbcWarning> warnings;
   std::size_t further_warning_count = 0;  ///< not kept
 
   static constexpr std::size_t kMaxWarnings = 1000;

@@ -43,7 +43,7 @@ constexpr std::string_view kMessages =
     " SG_ k_b : 32|8@1+ (1,0) [0|0] \"\" C\n"
     "BO_ 19 Commands: 8 C\n"
     " SG_ u1 : 0|16@1- (0.1,0) [0|0] \"A\" P\n"
-    " SG_ k_u : 16|16@1+ (1,0) [0|0] \"\" P\n"
+    " SG_ k_u M : 16|16@1+ (1,0) [0|0] \"\" P\n"
     " SG_ crc : 32|8@1+ (1,0) [0|0] \"\" P\n"
     " SG_ u2 m1 : 40|8@1+ (1,0) [0|0] \"\" P\n"
     "BO_ 20 Other: 2 C\n"
