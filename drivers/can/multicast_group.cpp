@@ -94,10 +94,9 @@ unsigned multicast_loopback() {
 }
 
 [[noreturn]] void throw_no_route(const MulticastAddress& group, const std::string& bus, int error) {
-  const std::string cure = group.is_v6()
-                               ? "ip link set lo up multicast on; ip -6 route add table local "
-                                 "multicast ff00::/8 dev lo"
-                               : "ip link set lo up multicast on; ip route add 224.0.0.0/4 dev lo";
+  const std::string cure =
+      group.is_v6() ? "ip link set lo up multicast on; ip -6 route add local ff00::/8 dev lo"
+                    : "ip link set lo up multicast on; ip route add 224.0.0.0/4 dev lo";
   throw BusError(bus + ": no interface carries multicast to this group (" + errno_text(error) +
                  "); within this host: " + cure);
 }
