@@ -69,10 +69,6 @@ struct Receiver {
   MessageIntegrity integrity;
 };
 
-bool operator==(const IntegrityResult& a, const IntegrityResult& b) {
-  return a.status == b.status && a.lost == b.lost;
-}
-
 TEST(MessageIntegrity, AcceptsTheFirstFrameWhateverItsCounter) {
   for (std::uint64_t first = 0; first < 16; ++first) {
     Receiver receiver(counter_of(4));
@@ -223,7 +219,7 @@ TEST(MessageIntegrity, AccountsForEveryFrameOfARandomChannel) {
       frame.length = 8;
       frame.data[7] = static_cast<std::uint8_t>(draw());
       sender.protect(frame);
-      const unsigned fate = draw() % 20;
+      const auto fate = draw() % 20;
       const bool may_lose =
           i > 0 && lost_in_a_row < 6;  // fewer than a sequence: else none can tell
       if (fate == 0 && may_lose) {

@@ -170,7 +170,7 @@ TEST(MessageProtection, FindsEveryFlippedBitAndEveryBurstOfUpToEightBits) {
           (first < crc_begin && end > crc_begin) || (first < crc_end && end > crc_end);
       if (end > 8 * payload.size() || is_across) continue;
       std::vector<std::uint8_t> broken = payload;
-      flip_burst(broken, first, width, draw());
+      flip_burst(broken, first, width, static_cast<std::uint32_t>(draw()));
       // 1B and 2 choose the data id by the counter: with another id the checksum is another.
       const bool has_other_id = (c.profile == "E2E_P01B" || c.profile == "E2E_P02") &&
                                 protection.count(broken) != protection.count(payload);
@@ -240,17 +240,17 @@ TEST(MessageProtection, IsNoneWithoutAttributes) {
 TEST(MessageProtectionErrors, TellOfAnUnknownProfile) {
   EXPECT_EQ(
       error_of(protection("E2E_P07")),
-      "m.dbc:1:7: message M: found FaultlineProtection \"E2E_P07\", expected one of \"none\", "
+      "m.dbc:1:5: message M: found FaultlineProtection \"E2E_P07\", expected one of \"none\", "
       "\"J1850\", \"E2E_P01A\", \"E2E_P01B\", \"E2E_P01C\", \"E2E_P02\", \"E2E_P05\"");
 }
 
 TEST(MessageProtectionErrors, TellOfAMissingSignal) {
   EXPECT_EQ(error_of(protection("J1850")),
-            "m.dbc:1:7: message M: protection J1850 needs a signal of role crc, found none");
+            "m.dbc:1:5: message M: protection J1850 needs a signal of role crc, found none");
   EXPECT_EQ(error_of(kCrc + kId + protection("E2E_P01A")),
-            "m.dbc:1:7: message M: protection E2E_P01A needs a signal of role alive, found none");
+            "m.dbc:1:5: message M: protection E2E_P01A needs a signal of role alive, found none");
   EXPECT_EQ(error_of(kCrc + kAlive + kId + protection("E2E_P01C")),
-            "m.dbc:1:7: message M: protection E2E_P01C needs a signal of role data_id_nibble, "
+            "m.dbc:1:5: message M: protection E2E_P01C needs a signal of role data_id_nibble, "
             "found none");
 }
 
@@ -312,17 +312,17 @@ TEST(MessageProtectionErrors, TellOfSignalsThatOverlapOrLieBeyond) {
 
 TEST(MessageProtectionErrors, TellOfAMissingOrImpossibleDataId) {
   EXPECT_EQ(error_of(kCrc + kAlive + protection("E2E_P01A")),
-            "m.dbc:1:7: message M: protection E2E_P01A needs the attribute FaultlineDataId, found "
+            "m.dbc:1:5: message M: protection E2E_P01A needs the attribute FaultlineDataId, found "
             "none of its own");
   EXPECT_EQ(error_of(kCrc + protection("J1850") + kId),
-            "m.dbc:1:7: message M: found FaultlineDataId 291, expected none with "
+            "m.dbc:1:5: message M: found FaultlineDataId 291, expected none with "
             "FaultlineProtection J1850");
   EXPECT_EQ(error_of(kCrc + kAlive + kNibble + "BA_ \"FaultlineDataId\" BO_ 1 4096;\n" +
                      protection("E2E_P01C")),
-            "m.dbc:1:7: message M: found FaultlineDataId 4096, expected an integer of 0 .. 4095");
+            "m.dbc:1:5: message M: found FaultlineDataId 4096, expected an integer of 0 .. 4095");
   EXPECT_EQ(
       error_of(kCrc + kAlive + "BA_ \"FaultlineDataId\" BO_ 1 -1;\n" + protection("E2E_P01A")),
-      "m.dbc:1:7: message M: found FaultlineDataId -1, expected an integer of 0 .. 65535");
+      "m.dbc:1:5: message M: found FaultlineDataId -1, expected an integer of 0 .. 65535");
 }
 
 TEST(MessageProtectionErrors, TellOfAListThatIsNoSixteenBytes) {
@@ -330,19 +330,19 @@ TEST(MessageProtectionErrors, TellOfAListThatIsNoSixteenBytes) {
     return error_of(kCrc + kAlive + list + protection("E2E_P02"));
   };
   EXPECT_EQ(error(""),
-            "m.dbc:1:7: message M: found FaultlineDataIdList missing, expected 16 bytes as 32 "
+            "m.dbc:1:5: message M: found FaultlineDataIdList missing, expected 16 bytes as 32 "
             "hexadecimal digits");
   for (const char* const text :
        {"", "0011", "000102030405060708090A0b0c0D0e0G", "+00102030405060708090A0b0c0D0e0F",
         "000102030405060708090A0b0c0D0e0F0"}) {
     EXPECT_EQ(
         error(fmt::format("BA_ \"FaultlineDataIdList\" BO_ 1 \"{}\";\n", text)),
-        fmt::format("m.dbc:1:7: message M: found FaultlineDataIdList \"{}\", expected 16 bytes "
+        fmt::format("m.dbc:1:5: message M: found FaultlineDataIdList \"{}\", expected 16 bytes "
                     "as 32 hexadecimal digits",
                     text));
   }
   EXPECT_EQ(error_of(kIds),
-            "m.dbc:1:7: message M: found FaultlineDataIdList "
+            "m.dbc:1:5: message M: found FaultlineDataIdList "
             "\"000102030405060708090A0b0c0D0e0F\", expected none without E2E_P02");
 }
 

@@ -180,11 +180,12 @@ TEST(TrafficMonitor, AgreesWithAMapOnRandomTraffic) {
   SCOPED_TRACE(seed_message(seed));
   std::mt19937 draw(static_cast<std::uint32_t>(seed));
   std::map<std::tuple<int, std::uint32_t, bool>, std::uint64_t> expected;
-  TrafficMonitor monitor(DbcDatabase{}, 5000);
+  TrafficMonitor monitor(DbcDatabase{}, 20'000);
   for (int i = 0; i < 20'000; ++i) {
     const bool is_extended = draw() % 2 == 0;
     // Identifiers that lie together, and those that differ in high bits alone.
-    const std::uint32_t id = is_extended ? (draw() % 64) << (draw() % 24) : draw() % 2048;
+    const auto id =
+        static_cast<std::uint32_t>(is_extended ? (draw() % 64) << (draw() % 24) : draw() % 2048);
     const auto bus = static_cast<std::uint8_t>(draw() % 3);
     ++expected[{bus, id, is_extended}];
     ASSERT_NE(monitor.on_frame(frame_of(id, i, bus, is_extended)), nullptr);
