@@ -30,6 +30,8 @@ enum class IntegrityStatus : std::uint8_t {
 struct IntegrityResult {
   IntegrityStatus status = IntegrityStatus::kOk;
   std::uint64_t lost = 0;  ///< kCounterGap: frames missing since the last good one; 0: began anew
+
+  [[nodiscard]] bool operator==(const IntegrityResult&) const = default;
 };
 
 /// Counters only grow (until `reset`), and stop at 2^64 - 1. Every frame is one of the first five,

@@ -41,8 +41,6 @@ class MessageWatch {
   void note(std::size_t message, MessageFault fault) noexcept;
   /// A sample lacks `message`.
   void note_missing(std::size_t message) noexcept { ++watched_[message].counters.missing; }
-  /// A frame of `message` was used.
-  void note_good(std::size_t message) noexcept { watched_[message].refusal_left = 0; }
   /// A sample has closed.
   void end_sample() noexcept;
   void reset() noexcept;

@@ -92,8 +92,8 @@ struct Sample {
   [[nodiscard]] bool is_good() const noexcept { return (flags & kBadSample) == 0; }
 };
 
-/// Samples for which a refused frame explains that its message is missing: its own, and the one
-/// before, which may close after it.
+/// Samples, in the order they close, for which a refused frame explains that its message is
+/// missing: its own, and the one before it, which may still be open when the frame comes.
 inline constexpr std::uint8_t kRefusalCycles = 2;
 
 }  // namespace faultline

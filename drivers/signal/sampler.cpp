@@ -97,7 +97,6 @@ void Sampler::State::push_sync(const CheckedFrame& checked) noexcept {
   slot.has_sync = true;
   slot.command_cycle = static_cast<std::uint32_t>(c_k);
   slot.flags |= checked.is_after_gap ? kSampleAliveGap : 0u;
-  watch.note_good(checked.message);
 }
 
 void Sampler::State::push_sensor(std::size_t index, const CheckedFrame& checked) noexcept {
@@ -242,7 +241,6 @@ void Sampler::State::decode(const MappedMessage& message, const CheckedFrame& ch
       break;
   }
   for (const MappedSignal& mapped : message.channels) known[mapped.channel] = 1;
-  watch.note_good(checked.message);
   if (!checked.is_after_gap) return;
   flags |= kSampleAliveGap;
   if (!message.cycle) mark(flags, blame, kSampleChecksum, checked, MessageFault::kCounterGap);

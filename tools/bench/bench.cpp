@@ -141,6 +141,7 @@ BenchResult BenchRun::finish(std::int64_t utime) {
   const std::chrono::duration<double> wall = steady_clock::now() - start_;
   return {.history = std::move(history),
           .counters = final_counters,
+          .messages = diagnosis.message_counters(),
           .is_interrupted = signal_ != 0,
           .signal = signal_,
           .stop_reason = stop_reason_,

@@ -35,6 +35,7 @@ struct StopReason {
 struct BenchResult {
   RunHistory history;
   RunCounters counters;
+  std::vector<MessageCounters> messages{};  ///< as the diagnosis saw them; by SignalMap index
   bool is_interrupted = false;            ///< stopped by SIGINT or SIGTERM
   int signal = 0;                         ///< which
   std::optional<StopReason> stop_reason;  ///< why it ended early otherwise
