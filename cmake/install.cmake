@@ -12,25 +12,22 @@ include(CMakePackageConfigHelpers)
 set(faultline_include_dir ${CMAKE_INSTALL_INCLUDEDIR}/faultline)
 set(faultline_cmake_dir ${CMAKE_INSTALL_LIBDIR}/cmake/faultline)
 
-# faultline_install(<component> FOLDER <top folder> TARGETS ...): static libraries and headers.
+# faultline_install(<component> <targets>): static libraries and their headers.
 function(faultline_install component)
-  cmake_parse_arguments(arg "" "FOLDER" "TARGETS" ${ARGN})
-  install(TARGETS ${arg_TARGETS} EXPORT faultline_${component}
-    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${component})
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/${arg_FOLDER}/ COMPONENT ${component}
-    DESTINATION ${faultline_include_dir}/${arg_FOLDER}
-    FILES_MATCHING PATTERN "*.h")
+  install(TARGETS ${ARGN} EXPORT faultline_${component}
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${component}
+    FILE_SET HEADERS DESTINATION ${faultline_include_dir} COMPONENT ${component})
   install(EXPORT faultline_${component} COMPONENT ${component} NAMESPACE faultline::
     DESTINATION ${faultline_cmake_dir} FILE faultline_${component}.cmake)
 endfunction()
 
 set_target_properties(faultline_build_options PROPERTIES EXPORT_NAME build_options)
-faultline_install(drivers FOLDER drivers
-  TARGETS faultline_build_options faultline_drivers_can faultline_drivers_dbc faultline_drivers_signal)
+faultline_install(drivers
+  faultline_build_options faultline_drivers_can faultline_drivers_dbc faultline_drivers_signal)
 if(NOT FAULTLINE_DRIVERS_ONLY)
-  faultline_install(diagnosis FOLDER diagnosis
-    TARGETS faultline_diagnosis_model faultline_diagnosis_bank faultline_diagnosis_design
-            faultline_diagnosis_certify faultline_diagnosis_runtime)
+  faultline_install(diagnosis
+    faultline_diagnosis_model faultline_diagnosis_bank faultline_diagnosis_design
+    faultline_diagnosis_certify faultline_diagnosis_runtime)
   install(TARGETS faultline RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
 endif()
 

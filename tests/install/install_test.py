@@ -87,6 +87,18 @@ class Install(unittest.TestCase):
         program = self.build(source, "uses_diagnosis")
         run(program, ROOT / "examples" / "hou2015" / "bank.toml")
 
+    def test_every_header_stands_alone(self):
+        headers = sorted(file.relative_to(self.prefix / "include" / "faultline")
+                         for file in self.prefix.rglob("*.h"))
+        self.assertGreater(len(headers), 30)
+        source = pathlib.Path(self.folder.name, "headers.cpp")
+        for header in headers:
+            # Twice: each header must also bear to be included again.
+            source.write_text(f'#include "{header}"\n#include "{header}"\n')
+            with self.subTest(header):
+                run(os.environ["CXX"], "-std=c++20", "-fsyntax-only", "-march=x86-64-v3", "-I",
+                    self.prefix / "include" / "faultline", "-isystem", "/usr/include/eigen3", source)
+
     def test_the_installed_program_runs(self):
         self.assertIn("faultline", run(self.prefix / "bin" / "faultline", "--version"))
 
