@@ -260,8 +260,8 @@ class Convert(CanTest):
     def test_the_lcm_log_is_one_that_others_read(self):
         self.folder.write("a.log", self.random_log())
         self.run_ok("can", "convert", "a.log", "a.lcm")
-        events, read = parse_log(self.folder.read("a.lcm"))
-        self.assertEqual(read, len(self.folder.read("a.lcm")))
+        events, rest = parse_log(self.folder.read("a.lcm"))
+        self.assertEqual(rest, 0)
         self.assertEqual({event.channel for event in events}, {"FAULTLINE_CAN", "FAULTLINE_RUN"})
         info = json.loads(self.run_ok("info", "a.lcm", "--json", "-").out)
         self.assertEqual((info["undecodable"], info["channels"]["FAULTLINE_CAN"]["missing"]), (0, 0))
@@ -318,7 +318,7 @@ class Convert(CanTest):
         self.assert_code(2, answer)
         self.assertEqual([re.findall(r"a\.csv:\d+:\d+", line) for line in answer.err.splitlines()[:5]],
                          [["a.csv:3:1"], ["a.csv:4:9"], ["a.csv:5:16"], ["a.csv:6:1"], ["a.csv:7:17"]])
-        self.assertEqual(answer.out.splitlines()[0], "(1.500000) vcan0 123#E204000000000000")
+        self.assertEqual(answer.out.splitlines()[0], "(0000000001.500000) vcan0 123#E204000000000000")
         self.assertEqual(len(answer.out.splitlines()), 2)
 
     def test_killed_half_way_leaves_a_log_that_can_be_read(self):

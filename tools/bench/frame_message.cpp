@@ -33,13 +33,13 @@ std::optional<CanFrame> to_frame(const can_frame_t& message) {
   frame.is_error_state = has(can_frame_t::ERROR_STATE);
   frame.is_remote = has(can_frame_t::REMOTE);
   frame.is_error = has(can_frame_t::ERROR);
-  if (message.length < 0 || message.data.size() > frame.data.size() ||
-      message.data.size() != static_cast<std::size_t>(message.length)) {
+  // lcm-gen's decoder leaves an array alone whose count is zero: `data` may hold an older frame's.
+  if (message.length < 0 || message.data.size() < static_cast<std::size_t>(message.length)) {
     return std::nullopt;
   }
   frame.length = static_cast<std::uint8_t>(message.length);
   if (!is_well_formed(frame)) return std::nullopt;
-  if (!frame.is_remote) std::copy(message.data.begin(), message.data.end(), frame.data.begin());
+  if (!frame.is_remote) std::copy_n(message.data.begin(), message.length, frame.data.begin());
   return frame;
 }
 
