@@ -269,8 +269,8 @@ class LcmWriter final : public FrameLogWriter {
 
 FrameLogCount read_frame_log(const std::string& file, const DbcDatabase* dbc,
                              const FrameLogReceiver& receiver) {
-  LineReader reader(file);
-  const std::string_view head = reader.peek(kLcmMagic.size() + 16);
+  LineReader reader(file, receiver.on_pause);
+  const std::string_view head = reader.peek(2 * kLcmMagic.size());
   if (head.starts_with(kLcmMagic)) {
     if (file == "-") {
       throw FrameLogError("stdin: found an LCM log, expected it as a file");
