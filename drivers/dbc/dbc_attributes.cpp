@@ -30,6 +30,7 @@ DbcAttributeValue& DbcAttributes::operator[](std::string_view name) {
 }
 
 std::size_t DbcAttributes::sort() {
+  if (entries_.size() < 2) return 0;
   const auto by_name = [](const value_type& a, const value_type& b) { return a.first < b.first; };
   if (!std::is_sorted(entries_.begin(), entries_.end(), by_name)) {
     std::stable_sort(entries_.begin(), entries_.end(), by_name);

@@ -93,8 +93,11 @@ constexpr Keyword kKeywords[] = {
 }  // namespace
 
 DbcSection find_section(std::string_view keyword) noexcept {
+  if (keyword.size() < 3) return DbcSection::kNone;
   for (const Keyword& known : kKeywords) {
-    if (known.text == keyword) return known.section;
+    const bool may_be = known.text[0] == keyword[0] && known.text[1] == keyword[1] &&
+                        known.text.size() == keyword.size();
+    if (may_be && known.text == keyword) return known.section;
   }
   return DbcSection::kNone;
 }
@@ -110,20 +113,12 @@ DbcLexer::DbcLexer(std::string_view text) noexcept
   token_.starts_line = true;
 }
 
-DbcToken DbcLexer::take() noexcept {
-  const DbcToken taken = token_;
-  if (taken.kind == DbcTokenKind::kString) {
-    static_cast<void>(take_string(DbcQuoting::kPlain));
-  } else {
-    scan();
-  }
-  return taken;
-}
-
 DbcToken DbcLexer::take_name() noexcept {
   DbcToken name = token_;
   const char* const from = name.text.data();
-  const char* to = from;
+  // What identifiers and numbers are made of may stand in names.
+  const bool is_word = name.kind != DbcTokenKind::kPunctuation;
+  const char* to = is_word ? from + name.text.size() : from;
   while (to != end_ && !is(*to, kNoName)) {
     if (to[0] == '/' && to + 1 != end_ && to[1] == '/') break;
     ++to;
@@ -135,21 +130,23 @@ DbcToken DbcLexer::take_name() noexcept {
   return name;
 }
 
-void DbcLexer::skip_blanks() noexcept {
-  for (; cursor_ != end_; ++cursor_) {
-    const char c = *cursor_;
+[[gnu::always_inline]] inline void DbcLexer::skip_blanks() noexcept {
+  const char* at = cursor_;
+  for (; at != end_; ++at) {
+    const char c = *at;
     if (is(c, kBlank)) continue;
     if (is(c, kLineEnd)) {
-      if (c == '\r' && cursor_ + 1 != end_ && cursor_[1] == '\n') ++cursor_;
+      if (c == '\r' && at + 1 != end_ && at[1] == '\n') ++at;
       ++line_;
-      line_begin_ = cursor_ + 1;
+      line_begin_ = at + 1;
       token_.starts_line = true;
-    } else if (c == '/' && cursor_ + 1 != end_ && cursor_[1] == '/') {
-      while (cursor_ + 1 != end_ && !is(cursor_[1], kLineEnd)) ++cursor_;
+    } else if (c == '/' && at + 1 != end_ && at[1] == '/') {
+      while (at + 1 != end_ && !is(at[1], kLineEnd)) ++at;
     } else {
-      return;
+      break;
     }
   }
+  cursor_ = at;
 }
 
 /// End of the number that begins at `from`; `from` if none does.
@@ -246,7 +243,8 @@ bool DbcLexer::is_comment_end(const char* quote) const noexcept {
 }
 
 /// Moves to `to` within a string, counting its lines, and scans the token behind.
-void DbcLexer::move_to(const char* to) noexcept {
+void DbcLexer::move_to(const char* to, bool has_lines) noexcept {
+  if (!has_lines) cursor_ = to;
   for (; cursor_ != to; ++cursor_) {
     const char c = *cursor_;
     if (!is(c, kLineEnd)) continue;
@@ -297,7 +295,7 @@ DbcString DbcLexer::take_string(DbcQuoting quoting) noexcept {
   }
   if (closing != nullptr) {
     string.text = {from, static_cast<std::size_t>(closing - from)};
-    move_to(closing + 1);
+    move_to(closing + 1, line_end != nullptr);
     return string;
   }
   string.is_terminated = false;
@@ -309,7 +307,7 @@ DbcString DbcLexer::take_string(DbcQuoting quoting) noexcept {
   if (text_end != from && text_end[-1] == ';') --text_end;
   if (text_end != from && text_end[-1] == '"') --text_end;  // "...\";": a path's last backslash
   string.text = {from, static_cast<std::size_t>(text_end - from)};
-  move_to(cut);
+  move_to(cut, true);
   return string;
 }
 

@@ -74,7 +74,19 @@ class DbcLexer {
   [[nodiscard]] const DbcToken& peek() const noexcept { return token_; }
   /// Returns the next token and moves on (over a string as kPlain); at the end of the text again
   /// and again kEnd.
-  DbcToken take() noexcept;
+  DbcToken take() noexcept {
+    const DbcToken taken = token_;
+    advance();
+    return taken;
+  }
+  /// Moves on like take().
+  void advance() noexcept {
+    if (token_.kind == DbcTokenKind::kString) {
+      static_cast<void>(take_string(DbcQuoting::kPlain));
+    } else {
+      scan();
+    }
+  }
   /// The next token as a name, which may also hold bytes that no identifier has: `1st-Gear/%`.
   /// Moves on. @pre peek() is neither kEnd nor kString
   DbcToken take_name() noexcept;
@@ -88,7 +100,7 @@ class DbcLexer {
   [[nodiscard]] const char* end_of_number(const char* from) const noexcept;
   [[nodiscard]] bool is_comment_end(const char* quote) const noexcept;
   [[nodiscard]] bool begins_statement(const char* line) const noexcept;
-  void move_to(const char* to) noexcept;
+  void move_to(const char* to, bool has_lines) noexcept;
 
   const char* cursor_ = nullptr;  ///< behind the token (a string: behind its opening quote)
   const char* end_ = nullptr;

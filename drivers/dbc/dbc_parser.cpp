@@ -40,13 +40,16 @@ bool is_c_identifier(std::string_view name) noexcept {
 }
 
 bool expect_new_name(DbcParse& parse, std::string& name, std::string_view expected) {
-  const DbcPosition position = parse.reader.peek().position;
+  const DbcToken token = parse.reader.peek();
   std::string_view text;
   if (!parse.reader.expect_name(text, expected)) return false;
-  if (is_c_identifier(text)) {
+  const bool is_identifier_token = token.kind == DbcTokenKind::kIdentifier &&
+                                   text.size() == token.text.size() && text.front() > '9';
+  if (is_identifier_token || is_c_identifier(text)) {
     name = text;
     return true;
   }
+  const DbcPosition position = token.position;
   name = to_utf8(text);
   parse.warnings.warn(position,
                       "the name \"{}\" is no C identifier, and so not what the format allows",
@@ -150,14 +153,12 @@ bool parse_bit_layout(DbcParse& parse, DbcSignal& signal) {
   if (!reader.expect_integer(signal.bit_count, "the number of bits") || !reader.expect('@')) {
     return false;
   }
-  const DbcToken order = reader.peek();
-  if (order.text == "1") {
-    signal.byte_order = ByteOrder::kLittleEndian;
-  } else if (order.text == "0") {
-    signal.byte_order = ByteOrder::kBigEndian;
-  } else {
+  const DbcToken& order = reader.peek();
+  const char digit = order.text.size() == 1 ? order.text.front() : ' ';
+  if (digit != '0' && digit != '1') {
     return reader.fail(order, "the byte order, 1 (Intel) or 0 (Motorola)");
   }
+  signal.byte_order = digit == '1' ? ByteOrder::kLittleEndian : ByteOrder::kBigEndian;
   reader.take();
   if (reader.accept('-')) {
     signal.type = SignalType::kSigned;

@@ -73,10 +73,10 @@ bool to_double(std::string_view text, double& number) noexcept {
   return true;
 }
 
-bool DbcStatementReader::is_at_statement() const noexcept {
+bool DbcStatementReader::begins_statement() const noexcept {
   const DbcToken& token = peek();
   if (token.kind == DbcTokenKind::kEnd) return true;
-  if (!token.starts_line || token.kind != DbcTokenKind::kIdentifier) return false;
+  if (token.kind != DbcTokenKind::kIdentifier) return false;
   return find_section(token.text) != DbcSection::kNone ||
          (token.position.column == 1 && looks_like_section(token.text));
 }
@@ -101,26 +101,6 @@ bool DbcStatementReader::is_at_name() const noexcept {
   return false;
 }
 
-bool DbcStatementReader::accept(char punctuation) noexcept {
-  if (!is_at(punctuation)) return false;
-  lexer_.take();
-  return true;
-}
-
-bool DbcStatementReader::accept_word(std::string_view word) noexcept {
-  if (peek().kind != DbcTokenKind::kIdentifier || peek().text != word) return false;
-  lexer_.take();
-  return true;
-}
-
-bool DbcStatementReader::expect(char punctuation) {
-  if (is_at(punctuation)) {
-    lexer_.take();
-    return true;
-  }
-  return fail(peek(), "\"{}\"", punctuation);
-}
-
 bool DbcStatementReader::expect_name(std::string_view& text, std::string_view expected) {
   if (!is_at_name()) return fail(peek(), "{}", expected);
   text = lexer_.take_name().text;
@@ -142,6 +122,16 @@ bool DbcStatementReader::expect_string(std::string& text, std::string_view expec
 }
 
 bool DbcStatementReader::expect_number(double& number, std::string_view expected) {
+  if (peek().kind == DbcTokenKind::kNumber && to_double(peek().text, number) &&
+      std::isfinite(number)) {
+    lexer_.advance();
+    return true;
+  }
+  return expect_odd_number(number, expected);
+}
+
+/// NaN, infinities, and what is no number.
+bool DbcStatementReader::expect_odd_number(double& number, std::string_view expected) {
   const DbcToken token = peek();
   bool is_number = token.kind == DbcTokenKind::kNumber && to_double(token.text, number);
   bool is_negative = false;
@@ -164,14 +154,12 @@ bool DbcStatementReader::expect_number(double& number, std::string_view expected
     if (is_number) lexer_ = ahead;
   }
   if (!is_number) return fail(token, "{}, a number", expected);
-  lexer_.take();
-  if (!std::isfinite(number)) {
-    if (warnings_->is_kept(DbcSeverity::kWarning)) {
-      warnings_->warn(token.position, "found {}, expected {} that a double can hold",
-                      describe(token), expected);
-    } else {
-      warnings_->warn(token.position, "");
-    }
+  lexer_.advance();
+  if (warnings_->is_kept(DbcSeverity::kWarning)) {
+    warnings_->warn(token.position, "found {}, expected {} that a double can hold", describe(token),
+                    expected);
+  } else {
+    warnings_->warn(token.position, "");
   }
   return true;
 }
@@ -187,6 +175,10 @@ bool DbcStatementReader::read_whole(const DbcToken& token, std::uint64_t& magnit
     return error == std::errc{} && end == text.data() + text.size();
   }
   if (token.kind != DbcTokenKind::kNumber) return false;
+  if (text.size() == 1 && is_digit(text.front())) {
+    magnitude = static_cast<std::uint64_t>(text.front() - '0');
+    return true;
+  }
   if (text.front() == '+' || text.front() == '-') {
     is_negative = text.front() == '-';
     text.remove_prefix(1);
@@ -239,10 +231,10 @@ void DbcStatementReader::skip_statement() noexcept {
   has_cut_string_ = false;
   while (!is_at_statement()) {
     if (is_at(';')) {
-      lexer_.take();
+      lexer_.advance();
       return;
     }
-    lexer_.take();
+    lexer_.advance();
   }
 }
 
@@ -254,10 +246,10 @@ void DbcStatementReader::skip_signal() noexcept {
       return;
     }
     if (is_at(';')) {
-      lexer_.take();
+      lexer_.advance();
       return;
     }
-    lexer_.take();
+    lexer_.advance();
   }
 }
 

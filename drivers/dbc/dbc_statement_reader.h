@@ -68,14 +68,26 @@ class DbcStatementReader {
     return peek().kind == DbcTokenKind::kPunctuation && peek().text.front() == punctuation;
   }
   /// The next token begins its line and a statement, or the text is at its end.
-  [[nodiscard]] bool is_at_statement() const noexcept;
+  [[nodiscard]] bool is_at_statement() const noexcept {
+    return peek().starts_line && begins_statement();
+  }
   /// A name that belongs to the present statement comes next.
   [[nodiscard]] bool is_at_name() const noexcept;
 
-  bool accept(char punctuation) noexcept;
-  bool accept_word(std::string_view word) noexcept;
+  bool accept(char punctuation) noexcept {
+    const bool is_there = is_at(punctuation);
+    if (is_there) lexer_.advance();
+    return is_there;
+  }
+  bool accept_word(std::string_view word) noexcept {
+    const bool is_there = peek().kind == DbcTokenKind::kIdentifier && peek().text == word;
+    if (is_there) lexer_.advance();
+    return is_there;
+  }
 
-  bool expect(char punctuation);
+  bool expect(char punctuation) {
+    return accept(punctuation) || fail(peek(), "\"{}\"", punctuation);
+  }
   /// A name; `text` is valid as long as the file's text.
   bool expect_name(std::string_view& text, std::string_view expected);
   bool expect_string(std::string& text, std::string_view expected,
@@ -89,13 +101,12 @@ class DbcStatementReader {
     std::uint64_t magnitude = 0;
     bool is_negative = false;
     const auto most = static_cast<std::uint64_t>(std::numeric_limits<T>::max());
-    const DbcToken token = peek();
-    const bool is_whole = read_whole(token, magnitude, is_negative);
+    const bool is_whole = read_whole(peek(), magnitude, is_negative);
     if (!is_whole || magnitude > most + (is_negative ? 1 : 0) ||
         (is_negative && magnitude != 0 && std::is_unsigned_v<T>)) {
-      return fail(token, "{}, a whole number up to {}", expected, most);
+      return fail(peek(), "{}, a whole number up to {}", expected, most);
     }
-    take();
+    lexer_.advance();
     integer = static_cast<T>(is_negative ? std::uint64_t{0} - magnitude : magnitude);
     return true;
   }
@@ -129,6 +140,8 @@ class DbcStatementReader {
   [[nodiscard]] DbcWarnings& warnings() noexcept { return *warnings_; }
 
  private:
+  [[nodiscard]] bool begins_statement() const noexcept;
+  bool expect_odd_number(double& number, std::string_view expected);
   static bool read_whole(const DbcToken& token, std::uint64_t& magnitude,
                          bool& is_negative) noexcept;
 
