@@ -175,6 +175,7 @@ RunCounters BenchRun::counters_now() const {
 
 BenchResult BenchRun::finish(std::int64_t utime) {
   if (signal_ == 0) signal_ = stop_signal.poll();
+  watch_buses(time_of(plant.truth().cycle), utime);
   publisher.flush_frames();
   if (signal_ != 0) {
     publisher.publish_event(plant.truth().cycle, "warning", "bench", "stopped by a signal", utime);
