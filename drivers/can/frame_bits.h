@@ -29,7 +29,8 @@ struct FrameBits {
 /// An FD payload whose length no DLC stands for is padded with zeros to the next. An error frame is
 /// none on the wire and has no bits. @pre is_well_formed(frame).
 ///
-/// Source: ISO 11898-1:2015, 10.4 (frames) and 10.5 (bit stuffing). Assumes no error, no overload
+/// Source: ISO 11898-1:2015, 10.4 (frames) and 10.5 (bit stuffing); sizes of fields as in Linux,
+/// linux/can/length.h. Assumes no error, no overload
 /// frame, and the edge of the acknowledgement in its own bit.
 [[nodiscard]] FrameBits frame_bits(const CanFrame& frame) noexcept;
 

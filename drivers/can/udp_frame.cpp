@@ -262,8 +262,7 @@ class MsgpackWriter {
   void put_data(Bytes data) noexcept {
     put(kBin8);
     put(static_cast<std::uint8_t>(data.size()));
-    std::memcpy(bytes_.data() + size_, data.data(), data.size());
-    size_ += data.size();
+    for (const std::uint8_t byte : data) put(byte);
   }
   [[nodiscard]] Bytes written() const noexcept { return {bytes_.data(), size_}; }
 
