@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <deque>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <memory>
 #include <random>
@@ -15,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include <faultline/can_t.hpp>
 #include <faultline/diagnosis_t.hpp>
 #include <faultline/event_t.hpp>
 #include <faultline/sample_t.hpp>
@@ -23,6 +25,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/signal/message_integrity.h"
+#include "tests/support/allocation_guard.h"
 #include "tests/support/random_seed.h"
 #include "tests/tools/bench/log_comparison.h"
 #include "tools/bench/bench_run.h"
@@ -329,6 +332,61 @@ TEST(Integrity, FindsTheFaultBetweenBoutsOfAHostileLine) {
     }
     EXPECT_TRUE(is_isolated);
   }
+}
+
+struct NullSink final : DiagnosisSink {
+  void on_received(const CanFrame& /*frame*/) noexcept override {}
+  void on_record(const DiagnosisRecord& record) noexcept override {
+    blamed += record.fault != MessageFault::kNone ? 1U : 0U;
+  }
+  std::uint64_t blamed = 0;
+};
+
+TEST(Integrity, TheDiagnosisDoesNotAllocateWhateverComes) {
+  const BenchInputs inputs = with_faults();
+  std::vector<CanFrame> frames;
+  HostileLine line(7, inputs.map);
+  run_through(inputs, [&](const CanFrame& frame, std::deque<CanFrame>& out) {
+    const std::size_t before = out.size();
+    line(frame, out);
+    frames.insert(frames.end(), out.begin() + static_cast<std::ptrdiff_t>(before), out.end());
+  });
+  DiagnosisNode node(inputs.map, inputs.bank, false);
+  NullSink sink;
+  const AllocationGuard guard;
+  for (const CanFrame& frame : frames) node.on_frame(frame, sink);
+  node.finish(sink);
+  const std::uint64_t calls = guard.heap_calls();
+  EXPECT_EQ(calls, 0U);
+  EXPECT_GT(frames.size(), 4000U);
+  EXPECT_GT(sink.blamed, 100U);
+}
+
+// On the loop bus a frame keeps the bus that its sender gave it.
+TEST(Integrity, LogsFramesByTheBusOnWhichTheirMessageLives) {
+  const TemporaryFolder folder;
+  std::filesystem::copy(kProtected.parent_path(), folder.path(),
+                        std::filesystem::copy_options::recursive);
+  std::ofstream(folder.path() / "bench_protected.dbc", std::ios::app)
+      << "BA_DEF_ BO_ \"FaultlineBus\" INT 0 255;\nBA_DEF_DEF_ \"FaultlineBus\" 0;\n"
+         "BA_ \"FaultlineBus\" BO_ 273 1;\n";
+  const BenchInputs inputs = load_bench_inputs(folder.path() / "protected.toml");
+  const std::filesystem::path log = folder.path() / "run.lcm";
+  const BenchResult result = run_through(
+      inputs, [](const CanFrame& frame, std::deque<CanFrame>& out) { out.push_back(frame); }, &log);
+  EXPECT_TRUE(result.history.are_expectations_met());
+  std::size_t on_bus_1 = 0;
+  std::size_t frames = 0;
+  for (const can_t& can : logged_messages<can_t>(log, kCanChannel)) {
+    EXPECT_EQ(can.first_frame, static_cast<std::int64_t>(frames));
+    for (const can_frame_t& frame : can.frames) {
+      EXPECT_EQ(can.bus, static_cast<std::uint32_t>(frame.id) == kSensors2 ? 1 : 0);
+      on_bus_1 += can.bus == 1 ? 1U : 0U;
+      ++frames;
+    }
+  }
+  EXPECT_EQ(on_bus_1, 1001U);
+  EXPECT_EQ(frames, 5005U);
 }
 
 TEST(Integrity, TheSameFramesGiveTheSameBits) {
