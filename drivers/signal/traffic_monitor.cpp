@@ -62,7 +62,7 @@ TrafficMonitor::TrafficMonitor(const DbcDatabase& dbc, std::size_t max_identifie
   }
   entries_.reserve(max_entries_);
   // At most half full: a search looks at about two slots.
-  const std::size_t slot_count = std::bit_ceil(2 * max_entries_ + 1);
+  const std::size_t slot_count = std::bit_ceil(2 * max_entries_);
   keys_.resize(slot_count);
   places_.resize(slot_count, kNoPlace);
   lives_on_one_bus_.resize(dbc.messages.size());

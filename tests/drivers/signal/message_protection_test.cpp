@@ -346,5 +346,82 @@ TEST(MessageProtectionErrors, TellOfAListThatIsNoSixteenBytes) {
             "\"000102030405060708090A0b0c0D0e0F\", expected none without E2E_P02");
 }
 
+std::string text_of(const std::string& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+TEST(MessageProtection, UnderstandsTheExampleOfItsDocumentation) {
+  const std::string page = text_of(std::string(FAULTLINE_DOCS_DIR) + "/can_integrity.md");
+  const std::size_t begin = page.find("```\nBO_");
+  ASSERT_NE(begin, std::string::npos);
+  const std::string snippet = page.substr(begin + 4, page.find("```", begin + 4) - begin - 4);
+  const DbcDatabase dbc = parse_dbc(snippet, "can_integrity.md");
+  ASSERT_EQ(dbc.messages.size(), 1U);
+  const MessageProtection protection = compile_protection(dbc, dbc.messages[0]);
+  EXPECT_EQ(protection.profile, ProtectionProfile::kE2eP01C);
+  EXPECT_EQ(protection.data_id, 291);
+  std::vector<std::uint8_t> payload(8);
+  protection.write(payload, 0);
+  EXPECT_EQ(payload, bytes_of_hex("2a10000000000000"));
+}
+
+// What people write into a DBC by mistake is refused, or describes something that works.
+TEST(MessageProtection, SurvivesEveryDamagedDescription) {
+  const std::uint64_t seed = test_seed(31);
+  SCOPED_TRACE(seed_message(seed));
+  std::mt19937_64 draw(seed);
+  const std::string whole =
+      text_of(std::string(FAULTLINE_EXAMPLES_DIR) + "/hou2015/bench_protected.dbc");
+  ASSERT_GT(whole.size(), 1000U);
+  int compiled_count = 0;
+  int refused_count = 0;
+  for (int round = 0; round < 3000; ++round) {
+    std::string text = whole;
+    for (auto damage = 1 + draw() % 4; damage > 0; --damage) {
+      const std::size_t at = draw() % text.size();
+      switch (draw() % 4) {
+        case 0:
+          text[at] = static_cast<char>('0' + draw() % 10);
+          break;
+        case 1:
+          text[at] = static_cast<char>(draw());
+          break;
+        case 2:
+          text.erase(at, draw() % 8);
+          break;
+        default:
+          text.insert(at, std::string(1 + draw() % 3, static_cast<char>('0' + draw() % 10)));
+      }
+    }
+    DbcDatabase dbc;
+    try {
+      dbc = parse_dbc(text, "damaged.dbc");
+    } catch (const DbcError&) {
+      continue;
+    }
+    for (const DbcMessage& one : dbc.messages) {
+      try {
+        const MessageProtection protection = compile_protection(dbc, one);
+        std::vector<std::uint8_t> payload(protection.length);
+        for (std::uint8_t& byte : payload) byte = static_cast<std::uint8_t>(draw());
+        static_cast<void>(protection.is_crc_right(payload));
+        const std::uint64_t count = protection.last_count == 0 ? 0 : draw() % protection.last_count;
+        protection.write(payload, count);
+        EXPECT_TRUE(protection.is_crc_right(payload));
+        if (protection.has_counter()) {
+          EXPECT_EQ(protection.count(payload), count);
+        }
+        ++compiled_count;
+      } catch (const ProtectionError& error) {
+        EXPECT_TRUE(std::string(error.what()).starts_with("damaged.dbc:"));
+        ++refused_count;
+      }
+    }
+  }
+  EXPECT_GT(compiled_count, 1000);
+  EXPECT_GT(refused_count, 100);
+}
+
 }  // namespace
 }  // namespace faultline
