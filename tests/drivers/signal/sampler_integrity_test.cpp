@@ -153,6 +153,7 @@ class ProtectedUnit {
   template <class Change>
   void cycle(std::uint32_t k, const Change& change) {
     for (const std::size_t message : {kSync, kA, kB, kU, kV}) {
+      if (message == kSync && !map.sync) continue;
       change(message, next(message, k, k - 1));
     }
   }
