@@ -10,7 +10,7 @@ namespace {
 constexpr double kNanosecondsPerSecond = 1e9;
 constexpr double kNanosecondsPerMillisecond = 1e6;
 /// Nothing on a bus is sent less often.
-constexpr double kLongestPeriod_ms = 24.0 * 3600.0 * 1000.0;
+constexpr std::chrono::hours kLongestPeriod(24);
 
 /// The time from `from` to `to`, as much of it as nanoseconds hold: stamps of a broken log may be
 /// centuries apart. @pre from <= to
@@ -36,7 +36,8 @@ std::chrono::nanoseconds period_of(const DbcDatabase& dbc, const DbcMessage& mes
   } else if (const auto* const number = std::get_if<double>(value)) {
     period_ms = *number;
   }
-  if (!(period_ms > 0.0) || period_ms > kLongestPeriod_ms) return {};
+  constexpr std::chrono::duration<double, std::milli> kLongest = kLongestPeriod;
+  if (!(period_ms > 0.0) || period_ms > kLongest.count()) return {};
   return std::chrono::nanoseconds(std::llround(period_ms * kNanosecondsPerMillisecond));
 }
 

@@ -79,15 +79,16 @@ void Sampler::State::push(const CanFrame& frame) noexcept {
 }
 
 void Sampler::State::push_sync(const CheckedFrame& checked) noexcept {
-  if (is_out(checked, true)) return;
+  if (is_discarded(checked, true)) return;
   const std::span<const std::uint8_t> payload = checked.frame.payload();
   std::int64_t k = 0;
   std::int64_t c_k = kNoCommand;
   const bool has_k = map.sync->cycle.decode_raw(payload, k) == CodecStatus::kOk;
   const bool has_c_k = !map.sync->command_cycle ||
                        map.sync->command_cycle->decode_raw(payload, c_k) == CodecStatus::kOk;
-  if (!has_k || !has_c_k)
+  if (!has_k || !has_c_k) {
     return mark_pending(kSampleShortPayload, checked, MessageFault::kTooShort);
+  }
   const bool is_used = checked.fault == MessageFault::kNone;
   const auto cycle = static_cast<std::uint32_t>(k);
   if (!advance_to(cycle, is_used, checked)) return;
@@ -101,7 +102,7 @@ void Sampler::State::push_sync(const CheckedFrame& checked) noexcept {
 
 void Sampler::State::push_sensor(std::size_t index, const CheckedFrame& checked) noexcept {
   const MappedMessage& message = map.sensor_messages[index];
-  if (is_out(checked, message.cycle.has_value())) return;
+  if (is_discarded(checked, message.cycle.has_value())) return;
   const bool is_used = checked.fault == MessageFault::kNone;
   std::uint32_t cycle = 0;
   if (!find_sensor_cycle(index, checked, cycle) ||
@@ -135,7 +136,7 @@ void Sampler::State::push_command(std::size_t index, const CheckedFrame& checked
     ++counters.ignored_frames;
     return;
   }
-  if (is_out(checked, true)) return;
+  if (is_discarded(checked, true)) return;
   const SignalCodec& codec = *map.command_messages[index].cycle;
   std::int64_t low_bits = 0;
   if (codec.decode_raw(checked.frame.payload(), low_bits) != CodecStatus::kOk) {
@@ -177,7 +178,7 @@ void Sampler::State::note_command_in_bus_order(std::size_t index,
 
 /// True if the frame's check leaves nothing of it to look at; then it is counted and has marked the
 /// next sample. Without a checksum that is right its cycle is not known, if it carries one.
-bool Sampler::State::is_out(const CheckedFrame& checked, bool is_cycle_needed) noexcept {
+bool Sampler::State::is_discarded(const CheckedFrame& checked, bool is_cycle_needed) noexcept {
   if (checked.fault == MessageFault::kNone) return false;
   if (!is_started) {
     ++counters.ignored_frames;

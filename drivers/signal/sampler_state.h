@@ -42,7 +42,7 @@ struct Sampler::State {
   void note_command_in_bus_order(std::size_t index, const CheckedFrame& checked) noexcept;
 
   // What is wrong with them.
-  [[nodiscard]] bool is_out(const CheckedFrame& checked, bool is_cycle_needed) noexcept;
+  [[nodiscard]] bool is_discarded(const CheckedFrame& checked, bool is_cycle_needed) noexcept;
   void note(const CheckedFrame& checked, MessageFault fault) noexcept;
   void mark(std::uint32_t& flags, Blame& blame, std::uint32_t flag, const CheckedFrame& checked,
             MessageFault fault) noexcept;

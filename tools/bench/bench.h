@@ -39,7 +39,8 @@ struct StopReason {
 struct BenchResult {
   RunHistory history;
   RunCounters counters;
-  std::vector<MessageCounters> messages{};  ///< as the diagnosis saw them; by SignalMap index
+  /// What the diagnosis saw of each message, by its index in the SignalMap.
+  std::vector<MessageCounters> messages{};
   bool is_interrupted = false;            ///< stopped by SIGINT or SIGTERM
   int signal = 0;                         ///< which
   std::optional<StopReason> stop_reason;  ///< why it ended early otherwise

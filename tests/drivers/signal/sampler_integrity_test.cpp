@@ -5,6 +5,7 @@
 #include <deque>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -153,6 +154,7 @@ class ProtectedUnit {
   template <class Change>
   void cycle(std::uint32_t k, const Change& change) {
     for (const std::size_t message : {kSync, kA, kB, kU, kV}) {
+      if (message == kSync && !map.sync) continue;
       change(message, next(message, k, k - 1));
     }
   }
@@ -484,6 +486,9 @@ class HostileBus {
   explicit HostileBus(std::uint64_t seed) : draw_(seed) {}
 
   void pass(ProtectedUnit& unit, const CanFrame& frame) {
+    // The counters of 4 bits tell a frame of 8 cycles ago from one to come, and no older one.
+    if (unit.map.sync->matches(frame)) ++cycle_;
+    while (!recent_.empty() && cycle_ - recent_.front().first > 6) recent_.pop_front();
     switch (draw_() % 12) {
       case 0:  // lost
         return;
@@ -506,15 +511,14 @@ class HostileBus {
         return;
       }
       case 5:
-        // Again a frame of the last cycles: after 8 its 4-bit counters are those of one to come.
-        if (!recent_.empty()) unit.push(recent_[draw_() % recent_.size()]);
+        // Again a frame of the last cycles.
+        if (!recent_.empty()) unit.push(recent_[draw_() % recent_.size()].second);
         unit.push(frame);
         return;
       default:
         unit.push(frame);
     }
-    recent_.push_back(frame);
-    if (recent_.size() > 8) recent_.pop_front();
+    recent_.emplace_back(cycle_, frame);
   }
   void forget() { recent_.clear(); }
 
@@ -528,7 +532,8 @@ class HostileBus {
   std::mt19937_64 draw_;
 
  private:
-  std::deque<CanFrame> recent_;
+  std::uint64_t cycle_ = 0;
+  std::deque<std::pair<std::uint64_t, CanFrame>> recent_;
 };
 
 // Profile 2 takes another data id for another counter, so that its 4 bits flipped may pass: V is
