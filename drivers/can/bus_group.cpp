@@ -107,7 +107,7 @@ ReceiveResult BusGroup::State::read_round(std::size_t room) noexcept {
     --due;
     if (read_member(index, share) == ReceiveStatus::kError) has_failed = true;
   }
-  first = (first + 1) % count;
+  if (++first >= count) first = 0;
   if (frame_count > 0) return {ReceiveStatus::kOk, frame_count};
   return {has_failed ? ReceiveStatus::kError : ReceiveStatus::kTimeout, 0};
 }

@@ -1,12 +1,15 @@
 #include "drivers/can/can_interface.h"
 
+#include <array>
 #include <cerrno>
+#include <cstring>
 
 #include <linux/can.h>
 #include <linux/can/raw.h>
+#include <linux/netlink.h>
+#include <linux/rtnetlink.h>
 #include <net/if.h>
 #include <net/if_arp.h>
-#include <sys/ioctl.h>
 #include <sys/socket.h>
 
 #include "drivers/can/can_bus.h"
@@ -14,25 +17,24 @@
 namespace faultline {
 namespace {
 
-ifreq request_for(const std::string& interface_name) noexcept {
-  ifreq request{};
-  interface_name.copy(request.ifr_name, IFNAMSIZ - 1);
-  return request;
-}
+/// A request for the state of one interface by its name (rtnetlink(7), RTM_GETLINK).
+struct LinkRequest {
+  nlmsghdr header{};
+  ifinfomsg link{};
+  rtattr name_header{};
+  std::array<char, IFNAMSIZ> name{};
+};
 
-bool is_can_interface(const Socket& socket, const std::string& interface_name) noexcept {
-  ifreq request = request_for(interface_name);
-  return ::ioctl(socket.fd(), SIOCGIFHWADDR, &request) == 0 &&
-         request.ifr_hwaddr.sa_family == ARPHRD_CAN;
-}
+/// Room for the front of an answer, which is all that is read of it.
+constexpr std::size_t kAnswerBytes = 4096;
 
 /// "vcan0, vcan1", or a sentence how to make one.
-std::string list_can_interfaces(const Socket& socket) {
+std::string list_can_interfaces() {
   std::string names;
   struct if_nameindex* const interfaces = ::if_nameindex();
   for (const struct if_nameindex* entry = interfaces; entry != nullptr && entry->if_index != 0;
        ++entry) {
-    if (!is_can_interface(socket, entry->if_name)) continue;
+    if (!read_interface(entry->if_name).is_can) continue;
     if (!names.empty()) names += ", ";
     names += entry->if_name;
   }
@@ -64,29 +66,41 @@ Socket open_can_socket(const std::string& bus) {
   }
 }
 
-InterfaceState read_interface(const Socket& socket, const std::string& interface_name) noexcept {
-  ifreq request = request_for(interface_name);
-  if (::ioctl(socket.fd(), SIOCGIFINDEX, &request) != 0) return {};
-  const int index = request.ifr_ifindex;
-  if (!is_can_interface(socket, interface_name)) return {};
-  request = request_for(interface_name);
-  if (::ioctl(socket.fd(), SIOCGIFFLAGS, &request) != 0) return {};
-  return {index, (request.ifr_flags & IFF_UP) != 0};
+InterfaceState read_interface(const std::string& interface_name) noexcept {
+  // Not by ioctl: that has the kernel run modprobe for each name it does not know.
+  const Socket socket(::socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_ROUTE));
+  LinkRequest request;
+  request.header.nlmsg_len = sizeof request;
+  request.header.nlmsg_type = RTM_GETLINK;
+  request.header.nlmsg_flags = NLM_F_REQUEST;
+  request.name_header.rta_len = sizeof request.name_header + sizeof request.name;
+  request.name_header.rta_type = IFLA_IFNAME;
+  interface_name.copy(request.name.data(), request.name.size() - 1);
+  if (::send(socket.fd(), &request, sizeof request, 0) != static_cast<ssize_t>(sizeof request)) {
+    return {};
+  }
+  alignas(nlmsghdr) std::array<char, kAnswerBytes> answer{};
+  const ssize_t size = ::recv(socket.fd(), answer.data(), answer.size(), 0);
+  nlmsghdr header{};
+  ifinfomsg link{};
+  if (size < static_cast<ssize_t>(NLMSG_LENGTH(sizeof link))) return {};
+  std::memcpy(&header, answer.data(), sizeof header);
+  if (header.nlmsg_type != RTM_NEWLINK) return {};  // NLMSG_ERROR: no such interface
+  std::memcpy(&link, answer.data() + NLMSG_HDRLEN, sizeof link);
+  return {link.ifi_index, link.ifi_type == ARPHRD_CAN, (link.ifi_flags & IFF_UP) != 0};
 }
 
-int require_interface(const Socket& socket, const std::string& bus,
-                      const std::string& interface_name) {
+int require_interface(const std::string& bus, const std::string& interface_name) {
   if (interface_name.empty() || interface_name.size() >= IFNAMSIZ) {
     throw BusError(bus + ": interface name of " + std::to_string(interface_name.size()) +
                    " characters, expected 1 to " + std::to_string(IFNAMSIZ - 1));
   }
-  ifreq request = request_for(interface_name);
-  if (::ioctl(socket.fd(), SIOCGIFINDEX, &request) != 0) {
-    throw BusError(bus + ": no such interface; " + list_can_interfaces(socket));
-  }
-  const InterfaceState interface = read_interface(socket, interface_name);
+  const InterfaceState interface = read_interface(interface_name);
   if (interface.index == 0) {
-    throw BusError(bus + ": not a CAN interface; " + list_can_interfaces(socket));
+    throw BusError(bus + ": no such interface; " + list_can_interfaces());
+  }
+  if (!interface.is_can) {
+    throw BusError(bus + ": not a CAN interface; " + list_can_interfaces());
   }
   if (!interface.is_up) {
     throw BusError(bus + ": the interface is down: ip link set " + interface_name + " up");

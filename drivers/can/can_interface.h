@@ -11,17 +11,16 @@ namespace faultline {
 
 /// How an interface stands.
 struct InterfaceState {
-  int index = 0;       ///< 0: there is no interface of that name, or it is no CAN interface
-  bool is_up = false;  ///< administratively
+  int index = 0;        ///< 0: there is no interface of that name
+  bool is_can = false;  ///< it is a CAN interface
+  bool is_up = false;   ///< administratively
 };
 
-/// @param socket any socket. Does not allocate.
-[[nodiscard]] InterfaceState read_interface(const Socket& socket,
-                                            const std::string& interface_name) noexcept;
+/// Asks the kernel. Does not allocate.
+[[nodiscard]] InterfaceState read_interface(const std::string& interface_name) noexcept;
 
 /// Index of a CAN interface that is up. @throws BusError there is none, and what to do.
-[[nodiscard]] int require_interface(const Socket& socket, const std::string& bus,
-                                    const std::string& interface_name);
+[[nodiscard]] int require_interface(const std::string& bus, const std::string& interface_name);
 
 /// Binds `socket` to the interface. @return false with errno set. Does not allocate.
 [[nodiscard]] bool bind_to_interface(const Socket& socket, int interface_index) noexcept;

@@ -114,6 +114,7 @@ std::unique_ptr<CanBus> open_bus(std::string_view spec) {
   for (const std::string& name : names) check_bus_name(name);
   if (names.size() == 1) return open_one(names.front());
   std::vector<std::unique_ptr<CanBus>> members;
+  members.reserve(names.size());
   for (const std::string& name : names) members.push_back(open_one(name));
   return std::make_unique<BusGroup>(std::move(members));
 }

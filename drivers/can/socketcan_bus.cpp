@@ -106,6 +106,9 @@ struct SocketCanBus::State {
   void begin_outage() noexcept;
   /// Ends the outage if the interface is back. @return whether the bus is up.
   bool try_return() noexcept;
+  // Called with set_up_mutex held.
+  void discard_error() noexcept;
+  bool rebind(int interface_index) noexcept;
 
   std::string bus_name;
   std::string interface_name;
@@ -141,7 +144,7 @@ SocketCanBus::State::State(const std::string& name, const SocketCanOptions& opti
   set_socket_option(socket, bus_name, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, error_mask,
                     "CAN_RAW_ERR_FILTER");
   granted_receive_buffer = set_up_receiving(socket, bus_name, options.receive_buffer_bytes);
-  if (!bind_to_interface(socket, require_interface(socket, bus_name, interface_name))) {
+  if (!bind_to_interface(socket, require_interface(bus_name, interface_name))) {
     throw BusError(bus_name + ": cannot bind: " + errno_text(errno));
   }
 }
@@ -198,25 +201,33 @@ void SocketCanBus::State::begin_outage() noexcept {
 bool SocketCanBus::State::try_return() noexcept {
   const std::lock_guard lock(set_up_mutex);
   if (is_up.load()) return true;
-  // The kernel's note of this outage may still lie there, if the other thread noticed it; taken
-  // away first, so that a note of the next one is not.
+  // The kernel's note of this outage may still lie there, if the other thread noticed it. It is
+  // taken away before the look at the interface, so that the note of a next outage is not.
+  discard_error();
+  const InterfaceState interface = read_interface(interface_name);
+  if (!interface.is_can || !interface.is_up) return false;
+  if (bound_interface(socket) != interface.index && !rebind(interface.index)) return false;
+  is_up.store(true);
+  return true;
+}
+
+void SocketCanBus::State::discard_error() noexcept {
   int noted = 0;
   socklen_t size = sizeof noted;
   static_cast<void>(::getsockopt(socket.fd(), SOL_SOCKET, SO_ERROR, &noted, &size));
-  const InterfaceState interface = read_interface(socket, interface_name);
-  if (!interface.is_up) return false;
-  if (bound_interface(socket) != interface.index) {
-    // Removal of the interface unbound the socket and dropped its filters.
-    if (!set_kernel_filters(socket, filters) ||
-        ::setsockopt(socket.fd(), SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &error_mask,
-                     sizeof error_mask) != 0 ||
-        !bind_to_interface(socket, interface.index)) {
-      last_error.store(errno, std::memory_order_relaxed);
-      return false;
-    }
+}
+
+bool SocketCanBus::State::rebind(int interface_index) noexcept {
+  // Removal of the interface unbound the socket and dropped its filters.
+  if (set_kernel_filters(socket, filters) &&
+      ::setsockopt(socket.fd(), SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &error_mask, sizeof error_mask) ==
+          0) {
+    // The removal may have been noted only after the first look; unbound, nothing new is.
+    discard_error();
+    if (bind_to_interface(socket, interface_index)) return true;
   }
-  is_up.store(true);
-  return true;
+  last_error.store(errno, std::memory_order_relaxed);
+  return false;
 }
 
 bool SocketCanBus::State::write_batch(std::size_t count) noexcept {

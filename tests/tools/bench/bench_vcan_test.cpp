@@ -50,6 +50,20 @@ TEST(BenchOnVcan, GivesTheSameBitsAsTheLoopBusInLockStep) {
   EXPECT_EQ(on_vcan.counters.frames_dropped, 0U);
 }
 
+TEST(BenchOnUdp, GivesTheSameBitsAsTheLoopBusInLockStep) {
+  const BenchInputs inputs = load_bench_inputs(kExamples / "fig13.toml");
+  const TemporaryFolder folder;
+  static_cast<void>(run(inputs, "loop", false, folder.path() / "loop.lcm"));
+  const BenchResult on_udp =
+      run(inputs, "udp:239.74.163.2:43113", false, folder.path() / "udp.lcm");
+  const auto loop = logged_residuals(folder.path() / "loop.lcm");
+  const auto udp = logged_residuals(folder.path() / "udp.lcm");
+  ASSERT_EQ(udp.size(), 10001U);
+  EXPECT_EQ(first_difference(loop, udp), 10001U);
+  EXPECT_EQ(on_udp.counters.frames_received, on_udp.counters.frames_sent);
+  EXPECT_EQ(on_udp.counters.frames_dropped, 0U);
+}
+
 TEST(BenchOnVcan, DiagnosesInRealTimeAndAccountsForEveryFrame) {
   BenchInputs inputs = load_bench_inputs(kExamples / "demo.toml");
   inputs.scenario.duration_s = 3.0;
