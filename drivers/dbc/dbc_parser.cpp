@@ -200,6 +200,7 @@ void parse_receivers(DbcParse& parse, DbcSignal& signal) {
   bool is_behind_comma = reader.accept(',');
   // A name on a line of its own belongs to the list only if it is indented or a comma says so.
   while (reader.is_at_name() && reader.peek().kind == DbcTokenKind::kIdentifier &&
+         reader.peek().text != "SG_" && reader.peek().text != "BO_" &&
          (is_behind_comma || !reader.peek().starts_line || reader.peek().position.column > 1)) {
     std::string_view name;
     static_cast<void>(reader.expect_name(name, "a receiver"));
@@ -328,7 +329,9 @@ bool parse_message_head(DbcParse& parse, DbcMessage& message, std::uint32_t& fil
       !reader.expect_integer(message.length, "the message's length in bytes")) {
     return false;
   }
-  if (reader.is_at_name() && reader.peek().text != "SG_" && !reader.peek().starts_line) {
+  // On a line of its own only if indented, as a wrapped line is.
+  if (reader.is_at_name() && reader.peek().text != "SG_" &&
+      (!reader.peek().starts_line || reader.peek().position.column > 1)) {
     std::string_view transmitter;
     static_cast<void>(reader.expect_name(transmitter, "the transmitter"));
     message.transmitter = to_utf8(transmitter);
