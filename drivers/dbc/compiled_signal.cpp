@@ -239,7 +239,7 @@ CompiledSignal::Fit CompiledSignal::to_bits(double physical, std::uint64_t& bits
   const double rest = std::abs(rounded) < kFar ? rest_of(rounded) : 0.0;
   auto raw = static_cast<Wide>(rounded);
   if (std::abs(rest) > 0.5) {
-    raw += static_cast<Wide>(std::rint(rest));
+    raw += static_cast<Wide>(std::rint(std::clamp(rest, -kFar, kFar)));
   } else if (std::abs(rest) == 0.5 && (raw & 1) != 0) {
     raw += rest > 0.0 ? 1 : -1;  // a tie goes to the even raw value
   }
