@@ -137,6 +137,7 @@ Json info_of_log(const std::filesystem::path& file, std::FILE* out) {
     Json estimates = Json::array();
     std::vector<std::string> details;
     if (change.cause != "none" && change.cause != "complete") details.push_back(change.cause);
+    if (!change.blame.empty()) details.push_back(change.blame);
     for (const LogInfo::Estimate& estimate : change.estimates) {
       const bool has_deviation = estimate.deviation >= 0.0;
       details.push_back(fmt::format(
@@ -155,6 +156,7 @@ Json info_of_log(const std::filesystem::path& file, std::FILE* out) {
                                 {"t_s", change.t_s},
                                 {"verdict", change.verdict},
                                 {"cause", change.cause},
+                                {"blame", change.blame},
                                 {"onset_cycle", change.onset_cycle},
                                 {"sets", change.sets},
                                 {"estimates", estimates}});

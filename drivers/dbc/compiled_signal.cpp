@@ -14,7 +14,9 @@ namespace {
 
 constexpr std::size_t kWordBytes = sizeof(std::uint64_t);
 constexpr std::size_t kLargestPayload = 64;  // CAN FD
-constexpr int kExactBits = 53;               // integers a double holds
+/// Up to here two roundings stay below half a step of the raw value, so that encoding finds it
+/// back.
+constexpr int kPlainBits = 51;
 
 __extension__ using Wide = __int128;
 
@@ -181,7 +183,8 @@ void CompiledSignal::write(std::span<std::uint8_t> payload, std::uint64_t bits) 
   if (byte_count > kWordBytes) merge(bytes[kWordBytes], ours.ninth, value.ninth);
 }
 
-/// Of integers that a double may not hold: every product and sum with its rounding error.
+/// Of wide integers, which a double may not even hold: every product and sum with its rounding
+/// error, and one rounding at the end.
 double CompiledSignal::wide_to_physical(std::uint64_t bits) const noexcept {
   constexpr std::uint64_t kLow = (std::uint64_t{1} << 32) - 1;
   const double high = type == SignalType::kSigned
@@ -203,7 +206,7 @@ double CompiledSignal::to_physical(std::uint64_t bits) const noexcept {
     raw = static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(bits)));
   } else if (type == SignalType::kFloat64) {
     raw = std::bit_cast<double>(bits);
-  } else if (bit_count <= kExactBits) {
+  } else if (bit_count <= kPlainBits) {
     raw = static_cast<double>(sign_extended(bits));
   } else {
     return wide_to_physical(bits);
@@ -236,7 +239,7 @@ CompiledSignal::Fit CompiledSignal::to_bits(double physical, std::uint64_t& bits
   const double rest = std::abs(rounded) < kFar ? rest_of(rounded) : 0.0;
   auto raw = static_cast<Wide>(rounded);
   if (std::abs(rest) > 0.5) {
-    raw += static_cast<Wide>(std::rint(rest));
+    raw += static_cast<Wide>(std::rint(std::clamp(rest, -kFar, kFar)));
   } else if (std::abs(rest) == 0.5 && (raw & 1) != 0) {
     raw += rest > 0.0 ? 1 : -1;  // a tie goes to the even raw value
   }

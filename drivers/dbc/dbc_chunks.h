@@ -1,5 +1,6 @@
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <iterator>
 #include <utility>
@@ -45,7 +46,9 @@ class DbcChunks {
   }
 
  private:
-  static constexpr std::size_t kItems = 256;
+  /// So large that the heap gives a chunk back to the system when it is freed.
+  static constexpr std::size_t kBytes = std::size_t{1} << 20;
+  static constexpr std::size_t kItems = std::bit_floor(kBytes / sizeof(T));
 
   std::vector<std::vector<T>> chunks_;
   std::size_t size_ = 0;

@@ -261,10 +261,7 @@ bool parse_dbc_multiplexing(DbcParse& parse) {
                         shown(signal.name));
     return skip_rest(parse);
   }
-  // The ranges come instead of the one value in the line SG_.
-  if (signal.multiplexer < 0) signal.multiplexer_ranges.clear();
-  signal.multiplexer = multiplexer;
-  parse.messages[message].signals[found].is_multiplexer = true;
+  std::vector<DbcMultiplexRange> ranges;
   do {
     const DbcPosition range_position = reader.peek().position;
     DbcMultiplexRange range;
@@ -274,8 +271,13 @@ bool parse_dbc_multiplexing(DbcParse& parse) {
                           range.first, range.last);
       std::swap(range.first, range.last);
     }
-    signal.multiplexer_ranges.push_back(range);
+    ranges.push_back(range);
   } while (reader.accept(',') || reader.peek().kind == DbcTokenKind::kNumber);
+  // The ranges come instead of the one value in the line SG_, or in addition to earlier ranges.
+  if (signal.multiplexer < 0) signal.multiplexer_ranges.clear();
+  signal.multiplexer_ranges.insert(signal.multiplexer_ranges.end(), ranges.begin(), ranges.end());
+  signal.multiplexer = multiplexer;
+  parse.messages[message].signals[found].is_multiplexer = true;
   return reader.expect_end();
 }
 

@@ -188,7 +188,7 @@ void DbcLexer::scan() noexcept {
   const char* const from = cursor_;
   if (from == end_) {
     token_.kind = DbcTokenKind::kEnd;
-    token_.text = {};
+    token_.text = {end_, 0};
     token_.starts_line = true;
     return;
   }

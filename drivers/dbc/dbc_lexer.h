@@ -70,6 +70,10 @@ class DbcLexer {
  public:
   explicit DbcLexer(std::string_view text) noexcept;
 
+  /// The text from the token on that `take` will return.
+  [[nodiscard]] std::string_view rest() const noexcept {
+    return {token_.text.data(), static_cast<std::size_t>(end_ - token_.text.data())};
+  }
   /// The token that `take` will return.
   [[nodiscard]] const DbcToken& peek() const noexcept { return token_; }
   /// Returns the next token and moves on (over a string as kPlain); at the end of the text again

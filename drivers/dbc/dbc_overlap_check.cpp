@@ -9,9 +9,10 @@ namespace {
 
 constexpr std::uint64_t kAllValues = std::numeric_limits<std::uint64_t>::max();
 constexpr std::uint16_t kMaxSignalBits = 64;
-/// Pairs of a signal and a range may be this many times the signals and ranges of a message. Only
-/// a text made to cost time has more: many signals below a multiplexer that has many ranges.
-constexpr std::size_t kWorkPerSignal = 32;
+/// Pairs of a signal and a range may be so many more than there are signals and ranges in a
+/// message. Only a text made to cost time and memory has more: many signals below a multiplexer
+/// that has many ranges.
+constexpr std::size_t kWorkAlways = 1 << 16;
 
 /// Calls `use` with each bit of `signal`, counted as the DBC counts. Stops when it returns false.
 template <class Use>
@@ -83,16 +84,14 @@ void DbcOverlapCheck::sweep(const DbcMessage& message, DbcWarnings& warnings) {
 void DbcOverlapCheck::check(const DbcMessage& message, DbcWarnings& warnings) {
   const std::vector<DbcSignal>& signals = message.signals;
   is_reported_.assign(signals.size(), false);
-  std::size_t work_left = kWorkPerSignal;
-  for (const DbcSignal& signal : signals) {
-    work_left += kWorkPerSignal * (1 + signal.multiplexer_ranges.size());
-  }
   // Signals form a tree: each hangs on its multiplexer, the others on the message. Two of them
   // exclude each other only where their ways to the top meet. So at every multiplexer, and at the
   // message itself, all that hangs below is compared across its branches.
   levels_.clear();
-  items_.clear();
+  ++epoch_;
+  std::size_t work_left = kWorkAlways;
   for (std::uint32_t n = 0; n < signals.size(); ++n) {
+    work_left += 1 + signals[n].multiplexer_ranges.size();
     if (!is_checkable(signals[n])) continue;
     std::uint32_t branch = n;
     for (const DbcSignal* at = &signals[n]; at->multiplexer >= 0; at = parent_of(message, *at)) {
@@ -100,9 +99,8 @@ void DbcOverlapCheck::check(const DbcMessage& message, DbcWarnings& warnings) {
       levels_.push_back({multiplexer, n, branch});
       branch = multiplexer;
     }
-    items_.push_back({0, kAllValues, n, branch});
+    place(message, {0, kAllValues, n, branch}, warnings);
   }
-  sweep(message, warnings);
   std::sort(levels_.begin(), levels_.end(), [](const Level& a, const Level& b) {
     return a.multiplexer != b.multiplexer ? a.multiplexer < b.multiplexer : a.signal < b.signal;
   });

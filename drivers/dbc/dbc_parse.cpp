@@ -34,8 +34,34 @@ void DbcHashIndex::insert(std::size_t hash, std::uint32_t number) {
   ++count_;
 }
 
+std::size_t count_lines_of(std::string_view text, std::string_view keyword) {
+  std::size_t count = 0;
+  const std::size_t size = text.size();
+  for (std::size_t at = 0; at < size;) {
+    count += text.substr(at).starts_with(keyword) ? 1u : 0u;
+    at = text.find('\n', at);
+    at = at == std::string_view::npos ? size : at + 1;
+  }
+  return count;
+}
+
+std::size_t count_leading_lines_of(std::string_view text, std::string_view keyword,
+                                   const char*& end) {
+  std::size_t count = 0;
+  for (;; ++count) {
+    const std::size_t first = std::min(text.find_first_not_of(" \t"), text.size());
+    text.remove_prefix(first);
+    end = text.data();
+    if (!text.starts_with(keyword)) return count;
+    text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
+  }
+}
+
 DbcParse::DbcParse(std::string_view text)
-    : reader(text, warnings), copies_left(kCopiesPerByte * text.size() + kCopiesAlways) {}
+    : reader(text, warnings), copies_left(kCopiesPerByte * text.size() + kCopiesAlways) {
+  messages.reserve(count_lines_of(text, "BO_ "));
+  environment_variables.reserve(count_lines_of(text, "EV_ "));
+}
 
 DbcId to_dbc_id(std::uint32_t file_id) noexcept {
   const std::uint32_t id = file_id & ~kExtendedIdFlag;

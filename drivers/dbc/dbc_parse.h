@@ -101,13 +101,15 @@ using DbcAttributeDefinitions = std::unordered_map<DbcAttributeKey, DbcAttribute
 /// State of reading one text.
 struct DbcParse {
   explicit DbcParse(std::string_view text);
+  DbcParse(const DbcParse&) = delete;
+  DbcParse& operator=(const DbcParse&) = delete;
 
   DbcWarnings warnings;
   DbcStatementReader reader;
-  DbcDatabase database;  ///< but for what stands apart until the end:
-  DbcChunks<DbcMessage> messages;
-  DbcChunks<DbcEnvironmentVariable> environment_variables;
-  DbcChunks<DbcSignal> open_signals;  ///< of the message being read
+  DbcDatabase database;
+  std::vector<DbcMessage>& messages = database.messages;
+  std::vector<DbcEnvironmentVariable>& environment_variables = database.environment_variables;
+  const char* signals_counted_to = nullptr;  ///< lines before this one were counted
   DbcAttributeDefinitions definitions;
   DbcHashIndex message_ids, message_names, signal_names, node_names, environment_names, table_names;
   std::vector<std::uint32_t> first_signals;       ///< by message: numbers of signals before it
@@ -120,6 +122,14 @@ struct DbcParse {
   /// that a short file cannot ask for endless memory.
   std::size_t copies_left = 0;
 };
+
+/// How many lines of `text` start with `keyword`: to make room for as many items, because a vector
+/// that doubles holds up to three times its items.
+[[nodiscard]] std::size_t count_lines_of(std::string_view text, std::string_view keyword);
+/// How many lines from the start of `text` on start with `keyword`, without others in between.
+/// @param end set to the end of the last one
+[[nodiscard]] std::size_t count_leading_lines_of(std::string_view text, std::string_view keyword,
+                                                 const char*& end);
 
 /// An identifier as the file writes it; DBC files mark 29 bits with bit 31.
 struct DbcId {

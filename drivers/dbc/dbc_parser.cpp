@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -200,6 +201,7 @@ void parse_receivers(DbcParse& parse, DbcSignal& signal) {
   bool is_behind_comma = reader.accept(',');
   // A name on a line of its own belongs to the list only if it is indented or a comma says so.
   while (reader.is_at_name() && reader.peek().kind == DbcTokenKind::kIdentifier &&
+         reader.peek().text != "SG_" && reader.peek().text != "BO_" &&
          (is_behind_comma || !reader.peek().starts_line || reader.peek().position.column > 1)) {
     std::string_view name;
     static_cast<void>(reader.expect_name(name, "a receiver"));
@@ -256,6 +258,11 @@ void index_signal(DbcParse& parse, std::uint32_t message_number, const DbcMessag
 /// The lines SG_ that follow. @param keep whether they are signals of `message`
 void parse_signals(DbcParse& parse, std::uint32_t number, DbcMessage& message, bool keep) {
   DbcStatementReader& reader = parse.reader;
+  const std::string_view rest = reader.lexer().rest();
+  // No line is counted twice, however many messages stand on one.
+  if (keep && !rest.empty() && !std::less<>{}(rest.data(), parse.signals_counted_to)) {
+    message.signals.reserve(count_leading_lines_of(rest, "SG_ ", parse.signals_counted_to));
+  }
   while (reader.accept_word("SG_")) {
     DbcSignal signal;
     if (!keep) {
@@ -268,12 +275,10 @@ void parse_signals(DbcParse& parse, std::uint32_t number, DbcMessage& message, b
     }
     ++parse.understood_count;
     check_extent(parse, message, signal);
-    index_signal(parse, number, message, signal,
-                 static_cast<std::uint32_t>(parse.open_signals.size()),
-                 [&](std::uint32_t n) -> const DbcSignal& { return parse.open_signals[n]; });
-    parse.open_signals.push_back(std::move(signal));
+    index_signal(parse, number, message, signal, static_cast<std::uint32_t>(message.signals.size()),
+                 [&](std::uint32_t n) -> const DbcSignal& { return message.signals[n]; });
+    message.signals.push_back(std::move(signal));
   }
-  parse.open_signals.move_to(message.signals);
 }
 
 void check_message(DbcParse& parse, std::uint32_t file_id, const DbcMessage& message) {
@@ -328,7 +333,9 @@ bool parse_message_head(DbcParse& parse, DbcMessage& message, std::uint32_t& fil
       !reader.expect_integer(message.length, "the message's length in bytes")) {
     return false;
   }
-  if (reader.is_at_name() && reader.peek().text != "SG_" && !reader.peek().starts_line) {
+  // On a line of its own only if indented, as a wrapped line is.
+  if (reader.is_at_name() && reader.peek().text != "SG_" &&
+      (!reader.peek().starts_line || reader.peek().position.column > 1)) {
     std::string_view transmitter;
     static_cast<void>(reader.expect_name(transmitter, "the transmitter"));
     message.transmitter = to_utf8(transmitter);
@@ -483,8 +490,6 @@ void sort_value_names(std::vector<DbcValueName>& names, DbcPosition position,
 /// What only the whole file tells.
 void finish(DbcParse& parse) {
   DbcDatabase& database = parse.database;
-  parse.messages.move_to(database.messages);
-  parse.environment_variables.move_to(database.environment_variables);
   const auto sort = [&](DbcAttributes& attributes, DbcPosition position, std::string_view owner) {
     const std::size_t dropped = attributes.sort();
     if (dropped == 0) return;

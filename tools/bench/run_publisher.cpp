@@ -16,6 +16,7 @@
 
 #include "diagnosis/model/digest.h"
 #include "tools/bench/channels.h"
+#include "tools/bench/frame_message.h"
 
 namespace faultline {
 namespace {
@@ -29,17 +30,6 @@ constexpr double kMaxCyclesPerSecond = 4294967295.0;
 
 std::int64_t signed_command_cycle(std::uint32_t command_cycle) {
   return command_cycle == kNoCommand ? -1 : static_cast<std::int64_t>(command_cycle);
-}
-
-std::int8_t frame_flags(const CanFrame& frame) {
-  int flags = 0;
-  if (frame.is_extended) flags |= can_frame_t::EXTENDED;
-  if (frame.is_fd) flags |= can_frame_t::FD;
-  if (frame.is_bit_rate_switched) flags |= can_frame_t::BIT_RATE_SWITCH;
-  if (frame.is_error_state) flags |= can_frame_t::ERROR_STATE;
-  if (frame.is_remote) flags |= can_frame_t::REMOTE;
-  if (frame.is_error) flags |= can_frame_t::ERROR;
-  return static_cast<std::int8_t>(flags);
 }
 
 // Per output: the step between values that its signal can carry; 0 for a float.
@@ -162,12 +152,7 @@ void RunPublisher::add_frame(const CanFrame& frame, std::int64_t utime) {
   can_t& can = messages_->can;
   if (can.frames.size() == kFramesPerBatch || can.bus != frame.bus) flush_frames();
   can.bus = frame.bus;
-  can_frame_t& out = can.frames.emplace_back();
-  out.stamp_ns = frame.stamp.time_since_epoch().count();
-  out.id = static_cast<std::int32_t>(frame.id);
-  out.flags = frame_flags(frame);
-  out.length = static_cast<std::int8_t>(frame.length);
-  out.data.assign(frame.data.begin(), frame.data.begin() + frame.length);
+  can.frames.push_back(to_message(frame));
   can.utime = utime;
 }
 

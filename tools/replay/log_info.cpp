@@ -126,6 +126,7 @@ class InfoReader {
     if (!info_.verdicts.empty() && info_.verdicts.back().verdict == diagnosis.verdict &&
         info_.verdicts.back().sets == sets) {
       info_.verdicts.back().cause = diagnosis.cause;
+      if (info_.verdicts.back().blame.empty()) info_.verdicts.back().blame = diagnosis.blame;
       return;
     }
     info_.verdicts.push_back({diagnosis.cycle,
@@ -134,7 +135,8 @@ class InfoReader {
                               diagnosis.cause,
                               diagnosis.onset_cycle,
                               std::move(sets),
-                              {}});
+                              {},
+                              diagnosis.blame});
   }
 
   // Of the verdict before it. One without values does not unsay the last.

@@ -106,6 +106,14 @@ TEST(DbcMultiplexing, WarnsOfASecondMultiplexerForOneSignal) {
   EXPECT_EQ(ranges_of(dbc.messages[0].signals[2]), "0 0-0 4-4");
 }
 
+TEST(DbcMultiplexing, KeepsTheMarkOfASignalWhoseRangesAreNotUnderstood) {
+  const DbcDatabase dbc =
+      parse_message({"x M : 0|8", "a m3 : 16|8"}, "SG_MUL_VAL_ 1 a x nothing;\n");
+  ASSERT_EQ(dbc.warnings.size(), 1u);
+  EXPECT_EQ(dbc.warnings[0].severity, DbcSeverity::kError);
+  EXPECT_EQ(ranges_of(dbc.messages[0].signals[1]), "0 3-3");
+}
+
 TEST(DbcOverlapCheck, WarnsOfSignalsThatShareBits) {
   const DbcDatabase dbc = parse_message({"a : 0|8", "b : 7|4", "c : 11|4", "d : 0|16"});
   EXPECT_EQ(warnings_of(dbc), (Texts{"3: signal b overlaps signal a of message M",
