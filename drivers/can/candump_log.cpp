@@ -2,12 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <limits>
-
-#include <unistd.h>
 
 namespace faultline {
 namespace {
@@ -24,9 +21,6 @@ constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
 /// Whole seconds of which every nanosecond is a Timestamp.
 constexpr std::int64_t kLastSecond =
     std::numeric_limits<std::int64_t>::max() / kNanosecondsPerSecond - 1;
-/// Bytes that CandumpReader asks for at a time.
-constexpr std::size_t kReadSize = 1 << 16;
-
 constexpr std::uint8_t kNoDigit = 0xFF;
 
 constexpr std::array<std::uint8_t, 256> make_hex_values() {
@@ -332,20 +326,20 @@ std::size_t format_candump_line(const CanFrame& frame, std::string_view interfac
   return writer.size();
 }
 
-CandumpReader::CandumpReader(int fd) : fd_(fd), buffer_(kLongestLine + kReadSize) {}
+CandumpReader::CandumpReader(int fd) : lines_(fd, kLongestLine) {}
 
 CandumpReader::Status CandumpReader::next(CandumpRecord& record, CandumpProblem& problem) noexcept {
   for (;;) {
     std::string_view line;
-    switch (next_line(line)) {
-      case LineStatus::kEnd:
+    switch (lines_.next(line)) {
+      case LineReader::Status::kEnd:
         return Status::kEnd;
-      case LineStatus::kFailed:
+      case LineReader::Status::kFailed:
         return Status::kFailed;
-      case LineStatus::kTooLong:
+      case LineReader::Status::kTooLong:
         problem = {kLongestLine + 1, "the line's end"};
         return Status::kMalformed;
-      case LineStatus::kLine:
+      case LineReader::Status::kLine:
         break;
     }
     switch (parse_candump_line(line, record, problem)) {
@@ -356,56 +350,6 @@ CandumpReader::Status CandumpReader::next(CandumpRecord& record, CandumpProblem&
       case CandumpStatus::kBlank:
         break;
     }
-  }
-}
-
-CandumpReader::LineStatus CandumpReader::next_line(std::string_view& line) noexcept {
-  bool is_too_long = false;
-  for (std::size_t searched = 0;;) {
-    const char* const first = buffer_.data() + begin_;
-    const std::size_t size = end_ - begin_;
-    const void* const newline = std::memchr(first + searched, '\n', size - searched);
-    if (newline != nullptr) {
-      line = {first, static_cast<std::size_t>(static_cast<const char*>(newline) - first)};
-      begin_ += line.size() + 1;
-      break;
-    }
-    if (size > kLongestLine) {
-      is_too_long = true;
-      begin_ = end_;  // only its end is still of interest
-    }
-    searched = end_ - begin_;
-    if (fill()) continue;
-    if (error_ != 0) return LineStatus::kFailed;
-    if (begin_ == end_ && !is_too_long) return LineStatus::kEnd;
-    line = {buffer_.data() + begin_, end_ - begin_};
-    begin_ = end_;
-    break;
-  }
-  ++line_number_;
-  return is_too_long || line.size() > kLongestLine ? LineStatus::kTooLong : LineStatus::kLine;
-}
-
-bool CandumpReader::fill() noexcept {
-  if (is_at_end_ || error_ != 0) return false;
-  if (buffer_.size() - end_ < kReadSize) {
-    std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
-    end_ -= begin_;
-    begin_ = 0;
-  }
-  for (;;) {
-    const ::ssize_t count = ::read(fd_, buffer_.data() + end_, buffer_.size() - end_);
-    if (count > 0) {
-      end_ += static_cast<std::size_t>(count);
-      return true;
-    }
-    if (count == 0) {
-      is_at_end_ = true;
-      return false;
-    }
-    if (errno == EINTR) continue;
-    error_ = errno;
-    return false;
   }
 }
 

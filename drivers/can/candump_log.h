@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <span>
 #include <string_view>
-#include <vector>
 
 #include "drivers/can/can_frame.h"
+#include "drivers/can/line_reader.h"
 
 namespace faultline {
 
@@ -83,22 +83,12 @@ class CandumpReader {
   Status next(CandumpRecord& record, CandumpProblem& problem) noexcept;
 
   /// Of the line that `next` returned last, from 1.
-  [[nodiscard]] std::uint64_t line_number() const noexcept { return line_number_; }
+  [[nodiscard]] std::uint64_t line_number() const noexcept { return lines_.line_number(); }
   /// `errno` of the read that failed, else 0.
-  [[nodiscard]] int error() const noexcept { return error_; }
+  [[nodiscard]] int error() const noexcept { return lines_.error(); }
 
  private:
-  enum class LineStatus { kLine, kTooLong, kEnd, kFailed };
-  LineStatus next_line(std::string_view& line) noexcept;
-  /// Reads more behind what is unread. @return false at the end, or if the system refused.
-  bool fill() noexcept;
-
-  int fd_;
-  int error_ = 0;
-  bool is_at_end_ = false;
-  std::uint64_t line_number_ = 0;
-  std::vector<char> buffer_;
-  std::size_t begin_ = 0, end_ = 0;  ///< what has been read and not yet been returned
+  LineReader lines_;
 };
 
 }  // namespace faultline

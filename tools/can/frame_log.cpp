@@ -5,20 +5,27 @@
 #include <cstdio>
 #include <cstring>
 #include <map>
+#include <optional>
 #include <span>
+#include <system_error>
+#include <utility>
 #include <vector>
+
+#include <fcntl.h>
+#include <unistd.h>
 
 #include <faultline/can_t.hpp>
 #include <faultline/run_t.hpp>
 #include <fmt/format.h>
 #include <lcm/lcm-cpp.hpp>
+#include <sys/stat.h>
 
 #include "diagnosis/model/digest.h"
 #include "drivers/can/candump_log.h"
+#include "drivers/can/line_reader.h"
 #include "tools/bench/channels.h"
 #include "tools/bench/frame_message.h"
 #include "tools/bench/message_sink.h"
-#include "tools/can/line_reader.h"
 #include "tools/can/signal_csv.h"
 #include "tools/cli.h"
 #include "tools/replay/message_layout.h"
@@ -54,11 +61,72 @@ std::string shown(std::string_view line, std::size_t column) {
   return '"' + text + '"';
 }
 
-FrameLogCount read_candump(LineReader& reader, const FrameLogReceiver& receiver) {
+/// A text file, or (`-`) what comes on stdin, line by line.
+class TextFile {
+ public:
+  explicit TextFile(const std::string& file)
+      : source_(file == "-" ? "stdin" : file),
+        fd_(file == "-" ? STDIN_FILENO : ::open(file.c_str(), O_RDONLY | O_CLOEXEC)),
+        lines_(fd_, kLongestLine) {
+    struct stat status {};
+    const bool is_open = fd_ >= 0 && ::fstat(fd_, &status) == 0;
+    const int error = is_open ? EISDIR : errno;
+    if (is_open && !S_ISDIR(status.st_mode)) return;
+    close();
+    throw std::system_error(error, std::generic_category(), "cannot read " + source_);
+  }
+  ~TextFile() { close(); }
+  TextFile(const TextFile&) = delete;
+  TextFile& operator=(const TextFile&) = delete;
+
+  [[nodiscard]] const std::string& source() const noexcept { return source_; }
+  [[nodiscard]] std::uint64_t line() const noexcept { return lines_.line_number(); }
+  [[nodiscard]] std::string_view peek(std::size_t count) { return lines_.peek(count); }
+
+  /// The next line without its end (LF or CR LF), nothing at the end of the file. Lines beyond any
+  /// measure are told and passed over.
+  std::optional<std::string_view> next(const FrameLogReceiver& receiver, FrameLogCount& count) {
+    for (;;) {
+      if (!lines_.has_line()) receiver.on_pause();
+      std::string_view line;
+      switch (lines_.next(line)) {
+        case LineReader::Status::kLine:
+          if (line.ends_with('\r')) line.remove_suffix(1);
+          return line;
+        case LineReader::Status::kTooLong:
+          ++count.problems;
+          receiver.on_problem(
+              fmt::format("{}:{}:{}: found a line of more than {} bytes, expected "
+                          "its end",
+                          source_, this->line(), kLongestLine + 1, kLongestLine));
+          break;
+        case LineReader::Status::kFailed:
+          throw std::system_error(lines_.error(), std::generic_category(),
+                                  "cannot read " + source_);
+        case LineReader::Status::kEnd:
+          return std::nullopt;
+      }
+    }
+  }
+
+ private:
+  /// A row of a CSV has a cell for each signal of the DBC; a megabyte is enough for any.
+  static constexpr std::size_t kLongestLine = std::size_t{1} << 20;
+
+  void close() const noexcept {
+    if (fd_ > STDIN_FILENO) ::close(fd_);
+  }
+
+  std::string source_;
+  int fd_;
+  LineReader lines_;
+};
+
+FrameLogCount read_candump(TextFile& file, const FrameLogReceiver& receiver) {
   FrameLogCount count;
   CandumpRecord record;
   CandumpProblem problem;
-  while (const auto line = reader.next()) {
+  while (const auto line = file.next(receiver, count)) {
     const CandumpStatus status = parse_candump_line(*line, record, problem);
     if (status == CandumpStatus::kBlank) continue;
     if (status == CandumpStatus::kRecord) {
@@ -67,8 +135,8 @@ FrameLogCount read_candump(LineReader& reader, const FrameLogReceiver& receiver)
       continue;
     }
     const std::string text =
-        fmt::format("{}:{}:{}: found {}, expected {}", reader.source(), reader.line(),
-                    problem.column, shown(*line, problem.column), problem.expected);
+        fmt::format("{}:{}:{}: found {}, expected {}", file.source(), file.line(), problem.column,
+                    shown(*line, problem.column), problem.expected);
     ++count.problems;
     if (count.frames == 0 && count.problems >= kHopelessLines) {
       throw FrameLogError(text + fmt::format("; the first {} lines hold no frame", count.problems));
@@ -78,21 +146,22 @@ FrameLogCount read_candump(LineReader& reader, const FrameLogReceiver& receiver)
   return count;
 }
 
-FrameLogCount read_csv(LineReader& reader, const DbcDatabase& dbc,
-                       const FrameLogReceiver& receiver) {
+FrameLogCount read_csv(TextFile& file, const DbcDatabase& dbc, const FrameLogReceiver& receiver) {
   FrameLogCount count;
-  SignalCsvReader csv(*reader.next(), reader.source(), dbc);
+  const auto head = file.next(receiver, count);
+  if (!head) throw FrameLogError(file.source() + ": found no line, expected the head of a CSV");
+  SignalCsvReader csv(*head, file.source(), dbc);
   CanFrame frame;
   std::string_view bus;
-  while (const auto line = reader.next()) {
+  while (const auto line = file.next(receiver, count)) {
     if (line->empty()) continue;
-    const std::string problem = csv.read(*line, reader.line(), frame, bus);
+    const std::string problem = csv.read(*line, file.line(), frame, bus);
     if (problem.empty()) {
       ++count.frames;
       receiver.on_frame(frame, bus);
     } else {
       ++count.problems;
-      receiver.on_problem(reader.source() + ":" + problem);
+      receiver.on_problem(file.source() + ":" + problem);
     }
   }
   return count;
@@ -269,26 +338,23 @@ class LcmWriter final : public FrameLogWriter {
 
 FrameLogCount read_frame_log(const std::string& file, const DbcDatabase* dbc,
                              const FrameLogReceiver& receiver) {
-  LineReader reader(file, receiver.on_pause);
-  const std::string_view head = reader.peek(2 * kLcmMagic.size());
+  TextFile text(file);
+  const std::string_view head = text.peek(2 * kLcmMagic.size());
   if (head.starts_with(kLcmMagic)) {
-    if (file == "-") {
-      throw FrameLogError("stdin: found an LCM log, expected it as a file");
-    }
+    if (file == "-") throw FrameLogError("stdin: found an LCM log, expected it as a file");
     return read_lcm(file, receiver);
   }
   if (head.find('\0') != std::string_view::npos) {
     throw FrameLogError(
-        fmt::format("{}: found binary data, expected a candump log, an LCM log or a "
-                    "CSV of signals",
-                    reader.source()));
+        fmt::format("{}: found binary data, expected a candump log, an LCM log or a CSV of signals",
+                    text.source()));
   }
-  if (!is_signal_csv(head)) return read_candump(reader, receiver);
+  if (!is_signal_csv(head)) return read_candump(text, receiver);
   if (dbc == nullptr) {
     throw FrameLogError(
-        fmt::format("{}:1:1: found a CSV of signals, expected --dbc beside it", reader.source()));
+        fmt::format("{}:1:1: found a CSV of signals, expected --dbc beside it", text.source()));
   }
-  return read_csv(reader, *dbc, receiver);
+  return read_csv(text, *dbc, receiver);
 }
 
 std::unique_ptr<FrameLogWriter> open_frame_log(const std::string& file, const DbcDatabase* dbc,

@@ -238,7 +238,7 @@ SignalCsvReader::SignalCsvReader(std::string_view head, const std::string& sourc
 
 SignalCsvReader::~SignalCsvReader() = default;
 
-std::string SignalCsvReader::read(std::string_view row, std::size_t line, CanFrame& frame,
+std::string SignalCsvReader::read(std::string_view row, std::uint64_t line, CanFrame& frame,
                                   std::string_view& bus) {
   State& state = *state_;
   state.cells = split_row(row);

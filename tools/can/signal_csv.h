@@ -1,6 +1,6 @@
 #pragma once
 
-#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -36,7 +36,7 @@ class SignalCsvReader {
   SignalCsvReader& operator=(const SignalCsvReader&) = delete;
 
   /// @return "" and the frame, or "line:column: found ..., expected ..." of what is wrong.
-  [[nodiscard]] std::string read(std::string_view row, std::size_t line, CanFrame& frame,
+  [[nodiscard]] std::string read(std::string_view row, std::uint64_t line, CanFrame& frame,
                                  std::string_view& bus);
 
  private:
