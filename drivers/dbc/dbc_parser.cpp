@@ -201,7 +201,7 @@ void parse_receivers(DbcParse& parse, DbcSignal& signal) {
   bool is_behind_comma = reader.accept(',');
   // A name on a line of its own belongs to the list only if it is indented or a comma says so.
   while (reader.is_at_name() && reader.peek().kind == DbcTokenKind::kIdentifier &&
-         reader.peek().text != "SG_" && reader.peek().text != "BO_" &&
+         !is_same_word(reader.peek().text, "SG_") && !is_same_word(reader.peek().text, "BO_") &&
          (is_behind_comma || !reader.peek().starts_line || reader.peek().position.column > 1)) {
     std::string_view name;
     static_cast<void>(reader.expect_name(name, "a receiver"));
