@@ -238,14 +238,13 @@ bool parse_signal(DbcParse& parse, DbcSignal& signal) {
   return true;
 }
 
-/// Enters the signal's name. @param signal_at the message's signals so far, by number
-template <class SignalAt>
+/// Enters the name of the signal that has this number among the message's.
 void index_signal(DbcParse& parse, std::uint32_t message_number, const DbcMessage& message,
-                  const DbcSignal& signal, std::uint32_t number, SignalAt&& signal_at) {
+                  const DbcSignal& signal, std::uint32_t number) {
   const std::uint32_t first = parse.first_signals[message_number];
   const std::size_t hash = std::hash<std::string_view>{}(signal.name) ^ message_number;
   const std::uint32_t before = parse.signal_names.find(hash, [&](std::uint32_t n) {
-    return n >= first && signal_at(n - first).name == signal.name;
+    return n >= first && message.signals[n - first].name == signal.name;
   });
   if (before == kNoDbcItem) {
     parse.signal_names.insert(hash, first + number);
@@ -264,20 +263,20 @@ void parse_signals(DbcParse& parse, std::uint32_t number, DbcMessage& message, b
     message.signals.reserve(count_leading_lines_of(rest, "SG_ ", parse.signals_counted_to));
   }
   while (reader.accept_word("SG_")) {
-    DbcSignal signal;
     if (!keep) {
       reader.skip_signal();
       continue;
     }
+    const auto count = static_cast<std::uint32_t>(message.signals.size());
+    DbcSignal& signal = message.signals.emplace_back();
     if (!parse_signal(parse, signal)) {
+      message.signals.pop_back();
       reader.skip_signal();
       continue;
     }
     ++parse.understood_count;
     check_extent(parse, message, signal);
-    index_signal(parse, number, message, signal, static_cast<std::uint32_t>(message.signals.size()),
-                 [&](std::uint32_t n) -> const DbcSignal& { return message.signals[n]; });
-    message.signals.push_back(std::move(signal));
+    index_signal(parse, number, message, signal, count);
   }
 }
 
@@ -383,8 +382,7 @@ bool parse_late_signal(DbcParse& parse, DbcPosition position) {
   parse.warnings.warn(position, "signal {} does not stand right behind its message {}",
                       name_for_people(signal.name), name_for_people(message.name));
   check_extent(parse, message, signal);
-  index_signal(parse, number, message, signal, static_cast<std::uint32_t>(message.signals.size()),
-               [&](std::uint32_t n) -> const DbcSignal& { return message.signals[n]; });
+  index_signal(parse, number, message, signal, static_cast<std::uint32_t>(message.signals.size()));
   message.signals.push_back(std::move(signal));
   ++parse.signal_count;
   return true;
