@@ -161,6 +161,9 @@ bool parse_dbc_attribute_definition(DbcParse& parse);
 bool parse_dbc_attribute_default(DbcParse& parse);
 bool parse_dbc_attribute(DbcParse& parse);
 
+/// What only the whole text tells: multiplexers, overlaps, and the order of attributes and values.
+void finish_dbc(DbcParse& parse);
+
 /// Finds the multiplexer of each multiplexed signal of `message`; breaks cycles.
 void link_multiplexers(DbcMessage& message, DbcWarnings& warnings);
 
