@@ -95,9 +95,7 @@ constexpr Keyword kKeywords[] = {
 DbcSection find_section(std::string_view keyword) noexcept {
   if (keyword.size() < 3) return DbcSection::kNone;
   for (const Keyword& known : kKeywords) {
-    const bool may_be = known.text[0] == keyword[0] && known.text[1] == keyword[1] &&
-                        known.text.size() == keyword.size();
-    if (may_be && known.text == keyword) return known.section;
+    if (is_same_word(keyword, known.text)) return known.section;
   }
   return DbcSection::kNone;
 }

@@ -62,6 +62,11 @@ enum class DbcSection : std::uint8_t {
   kNone,
 };
 
+/// text == word, without the price of a call where they differ at once. @pre word.size() >= 2
+[[nodiscard]] inline bool is_same_word(std::string_view text, std::string_view word) noexcept {
+  return text.size() == word.size() && text[0] == word[0] && text[1] == word[1] && text == word;
+}
+
 [[nodiscard]] DbcSection find_section(std::string_view keyword) noexcept;
 
 /// Cuts a DBC text into tokens, one ahead. Copy it to look further ahead; a copy is cheap. Lines

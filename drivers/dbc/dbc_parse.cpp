@@ -34,17 +34,6 @@ void DbcHashIndex::insert(std::size_t hash, std::uint32_t number) {
   ++count_;
 }
 
-std::size_t count_lines_of(std::string_view text, std::string_view keyword) {
-  std::size_t count = 0;
-  const std::size_t size = text.size();
-  for (std::size_t at = 0; at < size;) {
-    count += text.substr(at).starts_with(keyword) ? 1u : 0u;
-    at = text.find('\n', at);
-    at = at == std::string_view::npos ? size : at + 1;
-  }
-  return count;
-}
-
 std::size_t count_leading_lines_of(std::string_view text, std::string_view keyword,
                                    const char*& end) {
   std::size_t count = 0;
@@ -59,8 +48,15 @@ std::size_t count_leading_lines_of(std::string_view text, std::string_view keywo
 
 DbcParse::DbcParse(std::string_view text)
     : reader(text, warnings), copies_left(kCopiesPerByte * text.size() + kCopiesAlways) {
-  messages.reserve(count_lines_of(text, "BO_ "));
-  environment_variables.reserve(count_lines_of(text, "EV_ "));
+  std::size_t message_count = 0;
+  std::size_t variable_count = 0;
+  for (std::size_t at = 0; at < text.size();) {
+    message_count += text.substr(at).starts_with("BO_ ") ? 1u : 0u;
+    variable_count += text.substr(at).starts_with("EV_ ") ? 1u : 0u;
+    at = std::min(text.find('\n', at), text.size() - 1) + 1;
+  }
+  messages.reserve(message_count);
+  environment_variables.reserve(variable_count);
 }
 
 DbcId to_dbc_id(std::uint32_t file_id) noexcept {

@@ -123,10 +123,8 @@ struct DbcParse {
   std::size_t copies_left = 0;
 };
 
-/// How many lines of `text` start with `keyword`: to make room for as many items, because a vector
-/// that doubles holds up to three times its items.
-[[nodiscard]] std::size_t count_lines_of(std::string_view text, std::string_view keyword);
-/// How many lines from the start of `text` on start with `keyword`, without others in between.
+/// How many lines from the start of `text` on start with `keyword`, without others in between: to
+/// make room for as many items, because a vector that doubles holds up to three times its items.
 /// @param end set to the end of the last one
 [[nodiscard]] std::size_t count_leading_lines_of(std::string_view text, std::string_view keyword,
                                                  const char*& end);
@@ -162,6 +160,9 @@ bool parse_dbc_multiplexing(DbcParse& parse);
 bool parse_dbc_attribute_definition(DbcParse& parse);
 bool parse_dbc_attribute_default(DbcParse& parse);
 bool parse_dbc_attribute(DbcParse& parse);
+
+/// What only the whole text tells: multiplexers, overlaps, and the order of attributes and values.
+void finish_dbc(DbcParse& parse);
 
 /// Finds the multiplexer of each multiplexed signal of `message`; breaks cycles.
 void link_multiplexers(DbcMessage& message, DbcWarnings& warnings);

@@ -15,7 +15,6 @@
 
 #include <fmt/format.h>
 
-#include "drivers/dbc/dbc_overlap_check.h"
 #include "drivers/dbc/dbc_parse.h"
 
 namespace faultline {
@@ -201,7 +200,7 @@ void parse_receivers(DbcParse& parse, DbcSignal& signal) {
   bool is_behind_comma = reader.accept(',');
   // A name on a line of its own belongs to the list only if it is indented or a comma says so.
   while (reader.is_at_name() && reader.peek().kind == DbcTokenKind::kIdentifier &&
-         reader.peek().text != "SG_" && reader.peek().text != "BO_" &&
+         !is_same_word(reader.peek().text, "SG_") && !is_same_word(reader.peek().text, "BO_") &&
          (is_behind_comma || !reader.peek().starts_line || reader.peek().position.column > 1)) {
     std::string_view name;
     static_cast<void>(reader.expect_name(name, "a receiver"));
@@ -238,14 +237,13 @@ bool parse_signal(DbcParse& parse, DbcSignal& signal) {
   return true;
 }
 
-/// Enters the signal's name. @param signal_at the message's signals so far, by number
-template <class SignalAt>
+/// Enters the name of the signal that has this number among the message's.
 void index_signal(DbcParse& parse, std::uint32_t message_number, const DbcMessage& message,
-                  const DbcSignal& signal, std::uint32_t number, SignalAt&& signal_at) {
+                  const DbcSignal& signal, std::uint32_t number) {
   const std::uint32_t first = parse.first_signals[message_number];
   const std::size_t hash = std::hash<std::string_view>{}(signal.name) ^ message_number;
   const std::uint32_t before = parse.signal_names.find(hash, [&](std::uint32_t n) {
-    return n >= first && signal_at(n - first).name == signal.name;
+    return n >= first && message.signals[n - first].name == signal.name;
   });
   if (before == kNoDbcItem) {
     parse.signal_names.insert(hash, first + number);
@@ -264,20 +262,20 @@ void parse_signals(DbcParse& parse, std::uint32_t number, DbcMessage& message, b
     message.signals.reserve(count_leading_lines_of(rest, "SG_ ", parse.signals_counted_to));
   }
   while (reader.accept_word("SG_")) {
-    DbcSignal signal;
     if (!keep) {
       reader.skip_signal();
       continue;
     }
+    const auto count = static_cast<std::uint32_t>(message.signals.size());
+    DbcSignal& signal = message.signals.emplace_back();
     if (!parse_signal(parse, signal)) {
+      message.signals.pop_back();
       reader.skip_signal();
       continue;
     }
     ++parse.understood_count;
     check_extent(parse, message, signal);
-    index_signal(parse, number, message, signal, static_cast<std::uint32_t>(message.signals.size()),
-                 [&](std::uint32_t n) -> const DbcSignal& { return message.signals[n]; });
-    message.signals.push_back(std::move(signal));
+    index_signal(parse, number, message, signal, count);
   }
 }
 
@@ -383,8 +381,7 @@ bool parse_late_signal(DbcParse& parse, DbcPosition position) {
   parse.warnings.warn(position, "signal {} does not stand right behind its message {}",
                       name_for_people(signal.name), name_for_people(message.name));
   check_extent(parse, message, signal);
-  index_signal(parse, number, message, signal, static_cast<std::uint32_t>(message.signals.size()),
-               [&](std::uint32_t n) -> const DbcSignal& { return message.signals[n]; });
+  index_signal(parse, number, message, signal, static_cast<std::uint32_t>(message.signals.size()));
   message.signals.push_back(std::move(signal));
   ++parse.signal_count;
   return true;
@@ -471,50 +468,6 @@ void parse_statement(DbcParse& parse) {
   }
 }
 
-void sort_value_names(std::vector<DbcValueName>& names, DbcPosition position,
-                      std::string_view owner, DbcWarnings& warnings) {
-  const auto by_value = [](const DbcValueName& a, const DbcValueName& b) {
-    return a.value < b.value;
-  };
-  if (!std::is_sorted(names.begin(), names.end(), by_value)) {
-    std::stable_sort(names.begin(), names.end(), by_value);
-  }
-  const auto same = [](const DbcValueName& a, const DbcValueName& b) { return a.value == b.value; };
-  const auto repeated = std::adjacent_find(names.begin(), names.end(), same);
-  if (repeated == names.end()) return;
-  warnings.warn(position, "{} has several names for the value {}; the first counts", shown(owner),
-                repeated->value);
-  names.erase(std::unique(names.begin(), names.end(), same), names.end());
-}
-
-/// What only the whole file tells.
-void finish(DbcParse& parse) {
-  DbcDatabase& database = parse.database;
-  const auto sort = [&](DbcAttributes& attributes, DbcPosition position, std::string_view owner) {
-    const std::size_t dropped = attributes.sort();
-    if (dropped == 0) return;
-    parse.warnings.warn(position, "{} attributes of {} are given twice; the last counts", dropped,
-                        shown(owner));
-  };
-  sort(database.attributes, {}, "the network");
-  sort(database.default_attributes, {}, "the defaults");
-  for (auto& [node, attributes] : database.node_attributes) sort(attributes, {}, node);
-  for (DbcEnvironmentVariable& variable : database.environment_variables) {
-    sort(variable.attributes, variable.position, variable.name);
-    sort_value_names(variable.value_names, variable.position, variable.name, parse.warnings);
-  }
-  DbcOverlapCheck overlaps;
-  for (DbcMessage& message : database.messages) {
-    sort(message.attributes, message.position, message.name);
-    for (DbcSignal& signal : message.signals) {
-      sort(signal.attributes, signal.position, signal.name);
-      sort_value_names(signal.value_names, signal.position, signal.name, parse.warnings);
-    }
-    link_multiplexers(message, parse.warnings);
-    overlaps.check(message, parse.warnings);
-  }
-}
-
 /// @throws DbcError the text is binary or UTF-16
 void require_text(std::string_view text, const std::string& source) {
   if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF")) {
@@ -576,7 +529,7 @@ DbcDatabase parse_dbc(std::string_view text, const std::string& source) {
     throw DbcError(source, parse.reader.peek().position,
                    "found the end of the file, expected a section such as BO_");
   }
-  finish(parse);
+  finish_dbc(parse);
   parse.warnings.move_to(parse.database);
   return std::move(parse.database);
 }

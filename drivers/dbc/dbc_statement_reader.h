@@ -80,7 +80,8 @@ class DbcStatementReader {
     return is_there;
   }
   bool accept_word(std::string_view word) noexcept {
-    const bool is_there = peek().kind == DbcTokenKind::kIdentifier && peek().text == word;
+    const bool is_there =
+        peek().kind == DbcTokenKind::kIdentifier && is_same_word(peek().text, word);
     if (is_there) lexer_.advance();
     return is_there;
   }
