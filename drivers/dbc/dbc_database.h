@@ -100,6 +100,14 @@ struct DbcValueTable {
   std::vector<DbcValueName> values;
 };
 
+/// Two signals of a message that share bits though one frame can carry both. Of a signal that
+/// overlaps several only the first is told.
+struct DbcOverlap {
+  std::size_t message = 0;  ///< index among the database's messages
+  std::size_t earlier = 0;  ///< index among the message's signals
+  std::size_t later = 0;
+};
+
 /// A group of signals of one message (SIG_GROUP_).
 struct DbcSignalGroup {
   std::string name;
@@ -130,6 +138,7 @@ struct DbcDatabase {
   std::vector<DbcMessage> messages;
   std::vector<DbcValueTable> value_tables;
   std::vector<DbcSignalGroup> signal_groups;
+  std::vector<DbcOverlap> overlaps;
   std::vector<DbcEnvironmentVariable> environment_variables;
   std::string comment;                                                ///< of the network
   std::map<std::string, std::string, std::less<>> node_comments;      ///< by node

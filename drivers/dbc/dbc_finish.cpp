@@ -49,7 +49,8 @@ void finish_dbc(DbcParse& parse) {
       sort_value_names(signal.value_names, signal.position, signal.name, parse.warnings);
     }
     link_multiplexers(message, parse.warnings);
-    overlaps.check(message, parse.warnings);
+    const auto index = static_cast<std::size_t>(&message - database.messages.data());
+    overlaps.check(message, index, parse.warnings, database.overlaps);
   }
 }
 

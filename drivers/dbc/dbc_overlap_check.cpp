@@ -44,6 +44,7 @@ void DbcOverlapCheck::report(const DbcMessage& message, std::uint32_t a, std::ui
   const auto [earlier, later] = std::minmax(a, b);
   if (is_reported_[later]) return;
   is_reported_[later] = true;
+  overlaps_->push_back({index_, earlier, later});
   warnings.warn(message.signals[later].position, "signal {} overlaps signal {} of message {}",
                 shown(message.signals[later].name), shown(message.signals[earlier].name),
                 shown(message.name));
@@ -81,7 +82,10 @@ void DbcOverlapCheck::sweep(const DbcMessage& message, DbcWarnings& warnings) {
   for (const Item& item : items_) place(message, item, warnings);
 }
 
-void DbcOverlapCheck::check(const DbcMessage& message, DbcWarnings& warnings) {
+void DbcOverlapCheck::check(const DbcMessage& message, std::size_t index, DbcWarnings& warnings,
+                            std::vector<DbcOverlap>& overlaps) {
+  index_ = index;
+  overlaps_ = &overlaps;
   const std::vector<DbcSignal>& signals = message.signals;
   is_reported_.assign(signals.size(), false);
   // Signals form a tree: each hangs on its multiplexer, the others on the message. Two of them

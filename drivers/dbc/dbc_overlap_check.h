@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -12,7 +13,9 @@ namespace faultline {
 /// @pre the multiplexers are linked
 class DbcOverlapCheck {
  public:
-  void check(const DbcMessage& message, DbcWarnings& warnings);
+  /// Warns of them, and adds them to `overlaps` as those of the message with this index.
+  void check(const DbcMessage& message, std::size_t index, DbcWarnings& warnings,
+             std::vector<DbcOverlap>& overlaps);
 
  private:
   static constexpr std::uint32_t kNoSignal = 0xFFFF'FFFF;
@@ -46,6 +49,8 @@ class DbcOverlapCheck {
     std::uint32_t branch = 0;
   };
 
+  std::size_t index_ = 0;
+  std::vector<DbcOverlap>* overlaps_ = nullptr;
   std::vector<Item> items_;
   std::vector<Level> levels_;
   std::vector<Bit> bits_;

@@ -6,9 +6,6 @@
 namespace faultline {
 namespace {
 
-constexpr std::uint32_t kExtendedIdFlag = 0x8000'0000;
-constexpr std::uint32_t kMaxStandardDbcId = 0x7FF;
-
 /// Copies may take this many times the bytes of the text; no file of a vehicle comes near.
 constexpr std::size_t kCopiesPerByte = 4;
 constexpr std::size_t kCopiesAlways = 1 << 16;
@@ -60,8 +57,8 @@ DbcParse::DbcParse(std::string_view text)
 }
 
 DbcId to_dbc_id(std::uint32_t file_id) noexcept {
-  const std::uint32_t id = file_id & ~kExtendedIdFlag;
-  return {id, (file_id & kExtendedIdFlag) != 0 || id > kMaxStandardDbcId};
+  const std::uint32_t id = file_id & kMaxExtendedDbcId;
+  return {id, (file_id & ~kMaxExtendedDbcId) != 0 || id > kMaxStandardDbcId};
 }
 
 bool expect_message(DbcParse& parse, std::uint32_t& message) {
@@ -69,6 +66,7 @@ bool expect_message(DbcParse& parse, std::uint32_t& message) {
   const DbcPosition position = parse.reader.peek().position;
   std::uint32_t file_id = 0;
   if (!parse.reader.expect_integer(file_id, "a message identifier")) return false;
+  if (file_id == kIndependentSignalsId) return true;
   const DbcId wanted = to_dbc_id(file_id);
   const auto is_same = [&](std::uint32_t n) {
     return parse.messages[n].id == wanted.id && parse.messages[n].is_extended == wanted.is_extended;
@@ -81,7 +79,7 @@ bool expect_message(DbcParse& parse, std::uint32_t& message) {
   message = parse.message_ids.find(wanted.id, is_same);
   if (message != kNoDbcItem) {
     parse.last_message = message;
-  } else if (file_id != kIndependentSignalsId) {
+  } else {
     parse.warnings.warn(position, "there is no message with identifier {}", file_id);
   }
   return true;

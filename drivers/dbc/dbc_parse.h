@@ -19,6 +19,9 @@ namespace faultline {
 inline constexpr std::uint32_t kNoDbcItem = 0xFFFF'FFFF;
 /// Identifier of the pseudo message in which tools keep signals that belong to no message.
 inline constexpr std::uint32_t kIndependentSignalsId = 0xC000'0000;
+inline constexpr std::uint32_t kExtendedIdFlag = 0x8000'0000;
+inline constexpr std::uint32_t kMaxStandardDbcId = 0x7FF;
+inline constexpr std::uint32_t kMaxExtendedDbcId = 0x1FFF'FFFF;
 /// `multiplexer` of a signal marked `m3` whose multiplexer is not found yet.
 inline constexpr std::int32_t kUnlinkedMultiplexer = -2;
 

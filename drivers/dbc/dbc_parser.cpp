@@ -20,8 +20,6 @@
 namespace faultline {
 namespace {
 
-constexpr std::uint32_t kMaxStandardDbcId = 0x7FF;
-constexpr std::uint32_t kMaxExtendedDbcId = 0x1FFF'FFFF;
 constexpr std::uint16_t kMaxFramePayload = 64;
 constexpr std::uint16_t kMaxSignalBits = 64;
 /// A NUL among so many bytes at the beginning: no text.
@@ -280,13 +278,13 @@ void parse_signals(DbcParse& parse, std::uint32_t number, DbcMessage& message, b
 }
 
 void check_message(DbcParse& parse, std::uint32_t file_id, const DbcMessage& message) {
-  const bool has_flag = (file_id & ~message.id) != 0;
-  if (message.is_extended && !has_flag) {
+  // Bits 29 and 30 mean nothing, but real files have them.
+  if (message.is_extended && file_id != (message.id | kExtendedIdFlag)) {
     parse.warnings.warn(
         message.position,
-        "message {} has the identifier {}, more than 11 bits, without bit 31; it is "
-        "taken for an extended one",
-        name_for_people(message.name), file_id);
+        "message {} has the identifier {}, expected up to {}, or up to {} with bit 31 "
+        "set; it is taken for the extended identifier {}",
+        name_for_people(message.name), file_id, kMaxStandardDbcId, kMaxExtendedDbcId, message.id);
   }
   if (message.length > kMaxFramePayload) {
     parse.warnings.warn(message.position, "message {} has {} bytes, more than a frame carries ({})",
@@ -323,10 +321,6 @@ bool parse_message_head(DbcParse& parse, DbcMessage& message, std::uint32_t& fil
   const DbcId id = to_dbc_id(file_id);
   message.id = id.id;
   message.is_extended = id.is_extended;
-  if (message.id > kMaxExtendedDbcId && file_id != kIndependentSignalsId) {
-    return reader.fail(id_token, "an identifier up to {}, or up to {} with bit 31 set",
-                       kMaxStandardDbcId, kMaxExtendedDbcId);
-  }
   if (!expect_new_name(parse, message.name, "the message's name") || !reader.expect(':') ||
       !reader.expect_integer(message.length, "the message's length in bytes")) {
     return false;
@@ -454,9 +448,14 @@ void parse_statement(DbcParse& parse) {
     if (is_section_like) {
       parse.warnings.warn(keyword.position, "section {} is not known, and not read",
                           shown(keyword.text));
-    } else {
+    } else if (keyword.starts_line || parse.understood_count == 0) {
       reader.begin_statement("what follows is skipped");
       static_cast<void>(reader.fail(keyword, "a section such as BO_"));
+    } else {
+      // The statement before it was whole: a stray quote, a comment, a semicolon too many.
+      parse.warnings.warn(keyword.position,
+                          "found {} behind the end of a statement; what follows is skipped",
+                          describe(keyword));
     }
     reader.skip_statement();
     return;

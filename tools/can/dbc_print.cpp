@@ -140,6 +140,13 @@ Json dbc_json(const DbcDatabase& dbc) {
             {"warnings", Json::array()},
             {"further_warnings", dbc.further_warning_count}};
   for (const DbcMessage& message : dbc.messages) json["messages"].push_back(message_json(message));
+  for (const DbcOverlap& overlap : dbc.overlaps) {
+    const DbcMessage& message = dbc.messages[overlap.message];
+    json["overlaps"].push_back(
+        {{"message", message.name},
+         {"signals",
+          {message.signals[overlap.earlier].name, message.signals[overlap.later].name}}});
+  }
   for (const DbcWarning& warning : dbc.warnings) {
     json["warnings"].push_back({{"line", warning.position.line},
                                 {"column", warning.position.column},
