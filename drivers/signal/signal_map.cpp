@@ -265,6 +265,11 @@ void SignalMapBuilder::require_usable(const std::string& channel,
              "message carries",
              channel, placed.full_name()));
   }
+  try {
+    static_cast<void>(SignalCodec(signal));
+  } catch (const std::invalid_argument& error) {
+    fail(signal.position, fmt::format("channel \"{}\": {}", channel, error.what()));
+  }
   if (placed.message->length > kMaxPayload) {
     fail(placed.message->position,
          fmt::format("channel \"{}\": message {} has {} bytes, expected up to {}", channel,

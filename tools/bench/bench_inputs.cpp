@@ -242,9 +242,15 @@ void check_plant_can_run(const Scenario& scenario, const PlantModel& plant, cons
   }
 }
 
-}  // namespace
-
-namespace {
+std::vector<std::string> warnings_of(const DbcDatabase& dbc) {
+  std::vector<std::string> texts;
+  for (const DbcWarning& warning : dbc.warnings) {
+    if (warning.severity != DbcSeverity::kWarning) continue;
+    texts.push_back(fmt::format("{}:{}:{}: {}", dbc.source, warning.position.line,
+                                warning.position.column, warning.text));
+  }
+  return texts;
+}
 
 /// The bench trusts its DBC: a statement that was not understood is no reason to guess.
 DbcDatabase read_whole_dbc(const std::filesystem::path& file) {
@@ -289,8 +295,9 @@ BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
   check_plant_can_run(scenario, plant, bank);
   ControlLaw law = make_control_law(scenario, plant, bank.sample_time_s);
   Eigen::VectorXd x_initial = initial_state(scenario, plant);
-  return {std::move(scenario), std::move(plant), std::move(bank),      std::move(map),
-          std::move(schedule), std::move(law),   std::move(x_initial), std::move(parts)};
+  return {std::move(scenario),  std::move(plant),    std::move(bank),
+          std::move(map),       std::move(schedule), std::move(law),
+          std::move(x_initial), std::move(parts),    warnings_of(dbc)};
 }
 
 }  // namespace faultline

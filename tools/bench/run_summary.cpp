@@ -143,6 +143,17 @@ Json message_json(const std::string& name, const MessageCounters& counters) {
           {"counter_lost", found.lost}};
 }
 
+void print_dbc_warnings(std::FILE* out, const std::vector<std::string>& warnings) {
+  constexpr std::size_t kShown = 3;
+  for (std::size_t i = 0; i < std::min(warnings.size(), kShown); ++i) {
+    fmt::print(out, "  WARNING  {}\n", warnings[i]);
+  }
+  if (warnings.size() > kShown) {
+    fmt::print(out, "  WARNING  and {} more about the DBC (faultline can dbc check)\n",
+               warnings.size() - kShown);
+  }
+}
+
 }  // namespace
 
 void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions& options,
@@ -162,6 +173,7 @@ void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions
              counters.send_errors, counters.cycles, counters.late_cycles, counters.overruns,
              counters.samples, counters.bad_samples);
   print_integrity(out, inputs.map, result.messages);
+  print_dbc_warnings(out, inputs.dbc_warnings);
   if (counters.clamped_values > 0) {
     fmt::print(out, "  WARNING  {} values did not fit their signals and were sent clamped\n",
                counters.clamped_values);

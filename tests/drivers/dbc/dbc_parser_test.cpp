@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <random>
+#include <ostream>
 #include <string>
 #include <system_error>
 
@@ -349,6 +350,10 @@ struct ErrorCase {
   std::string text;
   std::string error;
 };
+/// Its place, for the test's name.
+void PrintTo(const ErrorCase& error_case, std::ostream* out) {
+  *out << error_case.error.substr(0, error_case.error.find(' '));
+}
 
 /// A statement that is understood, so that the text is a DBC at all.
 constexpr std::string_view kUnderstood = "\nBU_: Understood\n";
@@ -386,9 +391,9 @@ INSTANTIATE_TEST_SUITE_P(
         ErrorCase{"BO_ -1 M: 8 N\n SG_ s",
                   "1:5: found number -1, expected a message identifier, a whole number up to "
                   "4294967295; the message and its signals are skipped"},
-        ErrorCase{"BO_ 536870912 M: 8 N",
-                  "1:5: found number 536870912, expected an identifier up to 2047, or up to "
-                  "536870911 with bit 31 set; the message and its signals are skipped"},
+        ErrorCase{"BO_ 4294967296 M: 8 N",
+                  "1:5: found number 4294967296, expected a message identifier, a whole number up to "
+                  "4294967295; the message and its signals are skipped"},
         ErrorCase{"BO_ 1 M 8 N",
                   "1:9: found number 8, expected \":\"; the message and its signals "
                   "are skipped"},
@@ -428,6 +433,10 @@ struct WarningCase {
   std::string text;
   std::string warning;
 };
+/// Its place, for the test's name.
+void PrintTo(const WarningCase& warning_case, std::ostream* out) {
+  *out << warning_case.warning.substr(0, warning_case.warning.find(' '));
+}
 
 class DbcParserWarnings : public testing::TestWithParam<WarningCase> {};
 
@@ -441,8 +450,14 @@ INSTANTIATE_TEST_SUITE_P(
     OfEveryKind, DbcParserWarnings,
     testing::Values(
         WarningCase{"BO_ 2048 M: 8 N",
-                    "1:5: message M has the identifier 2048, more than 11 bits, without bit 31; it "
-                    "is taken for an extended one"},
+                    "1:5: message M has the identifier 2048, expected up to 2047, or up to "
+                    "536870911 with bit 31 set; it is taken for the extended identifier 2048"},
+        WarningCase{"BO_ 1075054137 M: 8 N",
+                    "1:5: message M has the identifier 1075054137, expected up to 2047, or up to "
+                    "536870911 with bit 31 set; it is taken for the extended identifier 1312313"},
+        WarningCase{with_signal("s : 0|8@1+ (1,0) [0|0] \"\" N\";"),
+                    "2:34: found string \";\" behind the end of a statement; what follows is "
+                    "skipped"},
         WarningCase{"BO_ 1 M: 8 N\nBO_ 2 M: 8 N", "2:5: there are two messages M"},
         WarningCase{with_signal("1st-Gear : 0|8@1+ (1,0) [0|0] \"\" N"),
                     "2:6: the name \"1st-Gear\" is no C identifier, and so not what the format "
