@@ -456,7 +456,7 @@ INSTANTIATE_TEST_SUITE_P(
                     "1:5: message M has the identifier 1075054137, expected up to 2047, or up to "
                     "536870911 with bit 31 set; it is taken for the extended identifier 1312313"},
         WarningCase{with_signal("s : 0|8@1+ (1,0) [0|0] \"\" N\";"),
-                    "2:34: found string \";\" behind the end of a statement; what follows is "
+                    "2:33: found string \";\" behind the end of a statement; what follows is "
                     "skipped"},
         WarningCase{"BO_ 1 M: 8 N\nBO_ 2 M: 8 N", "2:5: there are two messages M"},
         WarningCase{with_signal("1st-Gear : 0|8@1+ (1,0) [0|0] \"\" N"),
