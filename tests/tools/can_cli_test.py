@@ -75,6 +75,14 @@ class Decode(CanTest):
                                  "message": "Speeds",
                                  "signals": {"Left": 100.0, "Right": -31.999, "Gear": 15, "Half": 128}})
 
+    def test_values_are_written_as_people_would(self):
+        text = "".join(f"(1.0) c 123#{raw.to_bytes(2, 'little').hex()}{raw.to_bytes(2, 'little').hex()}\n"
+                       for raw in range(0, 32768, 7))
+        answer = self.feed(text, "decode", "--dbc", "car.dbc")
+        for raw, line in zip(range(0, 32768, 7), answer.out.splitlines(), strict=True):
+            left, right = re.search(r'"Left":([^,}]*),"Right":([^,}]*)', line).groups()
+            self.assertEqual((left, right), (f"{raw / 100:.10g}", f"{(raw - 32000) / 1000:.10g}"))
+
     def test_the_long_form_says_the_same(self):
         short = self.feed(SPEEDS, "decode", "--dbc", "car.dbc")
         long = self.feed(SPEEDS, "can", "decode", "--dbc", "car.dbc", "-")

@@ -1,6 +1,7 @@
 #include "tools/can/frame_text.h"
 
 #include <algorithm>
+#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -28,12 +29,14 @@ bool is_whole(double number) noexcept {
   return number == std::trunc(number) && std::abs(number) <= kLargestExact;
 }
 
+bool is_float(const DbcSignal& signal) noexcept {
+  return signal.type == SignalType::kFloat32 || signal.type == SignalType::kFloat64;
+}
+
 /// raw·factor + offset with all its digits, where all three are whole and a double might be too
 /// narrow.
 std::optional<Int128> wide_value(const DbcSignal& signal, std::span<const std::uint8_t> payload) {
-  const bool is_integer =
-      signal.type == SignalType::kUnsigned || signal.type == SignalType::kSigned;
-  if (!is_integer || signal.bit_count <= kExactBits || !is_whole(signal.factor) ||
+  if (is_float(signal) || signal.bit_count <= kExactBits || !is_whole(signal.factor) ||
       !is_whole(signal.offset)) {
     return std::nullopt;
   }
@@ -43,6 +46,18 @@ std::optional<Int128> wide_value(const DbcSignal& signal, std::span<const std::u
       signal.type == SignalType::kSigned ? Int128{raw} : Int128{static_cast<std::uint64_t>(raw)};
   return whole * static_cast<std::int64_t>(signal.factor) +
          static_cast<std::int64_t>(signal.offset);
+}
+
+/// A signal with a scale has a value of few decimals, which its double misses by an ulp or two.
+std::optional<double> nearest_short_decimal(double value) {
+  constexpr int kDecimals = 15;  // that every double of so many digits tells apart
+  fmt::basic_memory_buffer<char, 32> text;
+  fmt::format_to(std::back_inserter(text), "{:.{}g}", value, kDecimals);
+  double shorter = 0.0;
+  std::from_chars(text.data(), text.data() + text.size(), shorter);
+  const double ulp = std::nextafter(std::abs(value), HUGE_VAL) - std::abs(value);
+  if (!(std::abs(shorter - value) <= 2.0 * ulp)) return std::nullopt;
+  return shorter;
 }
 
 const DbcValueName* name_of_value(const DbcSignal& signal, double value) {
@@ -79,9 +94,12 @@ void append_value(fmt::memory_buffer& out, const CanFrame& frame, const DecodedF
   const DbcSignal& signal = decoded.message->signals[index];
   if (const auto wide = wide_value(signal, frame.payload())) {
     fmt::format_to(std::back_inserter(out), "{}", *wide);
-  } else {
-    fmt::format_to(std::back_inserter(out), "{}", decoded.values[index]);
+    return;
   }
+  const bool is_scaled = !is_float(signal) && !(is_whole(signal.factor) && is_whole(signal.offset));
+  const double value = decoded.values[index];
+  fmt::format_to(std::back_inserter(out), "{}",
+                 is_scaled ? nearest_short_decimal(value).value_or(value) : value);
 }
 
 void append_time(fmt::memory_buffer& out, Timestamp stamp) {

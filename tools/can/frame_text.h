@@ -11,8 +11,9 @@
 namespace faultline {
 
 /// Appends the value of signal `index` of a decoded frame: the shortest text that reads back as the
-/// same double; all digits where the raw value, factor and offset are whole numbers that a double
-/// could not hold. @pre the signal is present
+/// same double (of a scaled signal as one within 2 ulp, which the decoding leaves open: 0.8097
+/// rather than 0.8097000000000001); all digits where raw value, factor and offset are whole numbers
+/// that a double could not hold. @pre the signal is present
 void append_value(fmt::memory_buffer& out, const CanFrame& frame, const DecodedFrame& decoded,
                   std::size_t index);
 
