@@ -97,6 +97,23 @@ class CanBus(FolderTest):
         self.assertRegex(last, r"(?m)^vcan0 +120 +0 .*never seen +$")
         self.assertIn("7 frames, 0 dropped", last)
 
+    def test_a_bench_on_two_buses(self):
+        # Commands go over the second bus: the DBC says so.
+        self.folder.write("bench.dbc", self.folder.read("bench.dbc").decode() +
+                          'BA_DEF_ BO_ "FaultlineBus" INT 0 255;\nBA_DEF_DEF_ "FaultlineBus" 0;\n'
+                          'BA_ "FaultlineBus" BO_ 288 1;\nBA_ "FaultlineBus" BO_ 289 1;\n')
+        peers = [subprocess.Popen(["candump", "-L", "-T", "2000", interface], stdout=subprocess.PIPE, text=True)
+                 for interface in ("vcan0", "vcan1")]
+        wait_for(lambda: self.raw_sockets() == 2)
+        self.run_ok("run", "demo.toml", "--bus", "can:vcan0,can:vcan1", "--log", "run.lcm")
+        seen = [{line.split()[2].partition("#")[0] for line in peer.communicate(timeout=30)[0].splitlines()}
+                for peer in peers]
+        self.assertEqual(seen, [{"100", "110", "111"}, {"120", "121"}])
+        self.run_ok("can", "convert", "run.lcm", "run.log")
+        buses = {tuple(line.split()[1:])[0] + " " + line.split()[2].partition("#")[0]
+                 for line in self.folder.read("run.log").decode().splitlines()}
+        self.assertEqual(buses, {"can0 100", "can0 110", "can0 111", "can1 120", "can1 121"})
+
     def test_a_bus_that_is_not_there_is_named(self):
         answer = self.folder.run("can", "dump", "can:vcan7")
         self.assert_code(3, answer)

@@ -12,7 +12,7 @@ void add_filter_option(CLI::App& command, std::vector<std::string>& filters) {
           "--filter", filters,
           "Only these frames: identifiers (110, 18FEF100), ranges (100-1FF), masks (100/7F0), "
           "names of the DBC's messages (Sensors*)")
-      ->type_name("F ..");
+      ->type_name("F");
 }
 
 void add_limit_options(CLI::App& command, SessionLimits& limits) {

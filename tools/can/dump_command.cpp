@@ -211,7 +211,7 @@ void add_dump_command(CLI::App& parent, int& exit_code) {
       ->add_option("BUS", arguments->buses,
                    "can:IFACE, udp:GROUP:PORT (python-can's udp_multicast); several may be given")
       ->required()
-      ->type_name("BUS ..");
+      ->type_name("BUS");
   add_limit_options(*command, arguments->limits);
   command->add_option("--dbc", arguments->dbc, "DBC file")->check(CLI::ExistingFile);
   add_filter_option(*command, arguments->filters);

@@ -17,7 +17,6 @@
 #include <faultline/can_t.hpp>
 #include <faultline/run_t.hpp>
 #include <fmt/format.h>
-#include <lcm/lcm-cpp.hpp>
 #include <sys/stat.h>
 
 #include "diagnosis/model/digest.h"
@@ -28,28 +27,16 @@
 #include "tools/bench/message_sink.h"
 #include "tools/can/signal_csv.h"
 #include "tools/cli.h"
-#include "tools/replay/message_layout.h"
+#include "tools/replay/log_event.h"
 
 namespace faultline {
 namespace {
 
-/// First bytes of every event in an LCM log (lcm/eventlog.c).
-constexpr std::string_view kLcmMagic = "\xED\xA1\xDA\x01";
 /// Part of RUN that names the buses, one per line.
 constexpr std::string_view kBusesPart = "buses";
 constexpr std::size_t kFramesPerBatch = 64;
 /// A start without a single frame among this many lines is no candump log.
 constexpr std::uint64_t kHopelessLines = 100;
-
-template <class Message>
-bool is_decoded(const lcm::LogEvent& event, std::string_view layout, Message& message) {
-  constexpr std::size_t kFingerprintBytes = 8;
-  const std::span bytes(static_cast<const std::uint8_t*>(event.data),
-                        static_cast<std::size_t>(event.datalen));
-  return bytes.size() >= kFingerprintBytes &&
-         laid_out_size(layout, bytes.subspan(kFingerprintBytes)) &&
-         message.decode(event.data, 0, event.datalen) >= 0;
-}
 
 std::string shown(std::string_view line, std::size_t column) {
   constexpr std::size_t kShownBytes = 24;
@@ -186,12 +173,12 @@ FrameLogCount read_lcm(const std::string& file, const FrameLogReceiver& receiver
   run_t run;
   can_t batch;
   while (const lcm::LogEvent* event = log.readNextEvent()) {
-    if (event->channel == kRunChannel && is_decoded(*event, layout::kRun, run) &&
+    if (event->channel == kRunChannel && decode_event(*event, layout::kRun, run) &&
         run.part == kBusesPart) {
       names = split_lines({reinterpret_cast<const char*>(run.data.data()), run.data.size()});
     }
     if (event->channel != kCanChannel) continue;
-    if (!is_decoded(*event, layout::kCan, batch)) {
+    if (!decode_event(*event, layout::kCan, batch)) {
       ++count.problems;
       receiver.on_problem(
           fmt::format("{}: event {}: found a {} message of another type, expected can_t", file,
@@ -339,8 +326,8 @@ class LcmWriter final : public FrameLogWriter {
 FrameLogCount read_frame_log(const std::string& file, const DbcDatabase* dbc,
                              const FrameLogReceiver& receiver) {
   TextFile text(file);
-  const std::string_view head = text.peek(2 * kLcmMagic.size());
-  if (head.starts_with(kLcmMagic)) {
+  const std::string_view head = text.peek(2 * kLogMagic.size());
+  if (head.starts_with(kLogMagic)) {
     if (file == "-") throw FrameLogError("stdin: found an LCM log, expected it as a file");
     return read_lcm(file, receiver);
   }

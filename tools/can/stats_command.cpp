@@ -298,7 +298,7 @@ void add_stats_command(CLI::App& parent, int& exit_code) {
       ->add_option("SOURCE", arguments->sources,
                    "can:IFACE, udp:GROUP:PORT; or candump logs, LCM logs (-: candump on stdin)")
       ->required()
-      ->type_name("BUS|LOG ..");
+      ->type_name("BUS|LOG");
   add_limit_options(*command, arguments->limits);
   command->add_option("--dbc", arguments->dbc, "DBC file: names, periods, counters, checksums")
       ->check(CLI::ExistingFile);
