@@ -100,12 +100,6 @@ Json info_of_toml(const std::filesystem::path& file, std::FILE* out) {
                    "bank request or a scenario");
 }
 
-Json info_of_dbc(const std::filesystem::path& file, std::FILE* out) {
-  const DbcDatabase dbc = read_dbc(file);
-  print_dbc(out, dbc);
-  return dbc_json(dbc);
-}
-
 Json info_of_log(const std::filesystem::path& file, std::FILE* out) {
   const LogInfo info = read_log_info(file);
   fmt::print(out, "{}: {} messages in {:.3f} s\n", file.string(), info.messages, info.duration_s);
@@ -173,8 +167,14 @@ int info(const std::string& name, const std::string& json_target) {
   const std::string extension = file.extension().string();
   Json json;
   if (extension == ".dbc") {
-    json = info_of_dbc(file, out);
-  } else if (extension == ".json") {
+    const DbcDatabase dbc = read_dbc(file);
+    print_dbc(out, dbc);
+    if (!json_target.empty()) {
+      write_to(json_target, [&](std::FILE* target) { write_dbc_json(target, dbc); });
+    }
+    return kExitYes;
+  }
+  if (extension == ".json") {
     json = info_of_bank(file, out);
   } else if (extension == ".toml") {
     json = info_of_toml(file, out);

@@ -5,7 +5,6 @@
 
 #include <CLI/App.hpp>
 #include <CLI/Validators.hpp>
-#include <nlohmann/json.hpp>
 
 #include "drivers/dbc/dbc_parser.h"
 #include "tools/can/can_command.h"
@@ -18,7 +17,9 @@ namespace {
 int dbc_check(const std::string& file, const std::string& json_target) {
   const DbcDatabase dbc = read_dbc(file);
   print_dbc(human_output(json_target), dbc);
-  if (!json_target.empty()) write_json(dbc_json(dbc), json_target);
+  if (!json_target.empty()) {
+    write_to(json_target, [&](std::FILE* out) { write_dbc_json(out, dbc); });
+  }
   const bool has_error = std::any_of(
       dbc.warnings.begin(), dbc.warnings.end(),
       [](const DbcWarning& warning) { return warning.severity == DbcSeverity::kError; });

@@ -75,20 +75,41 @@ Json signal_json(const DbcMessage& message, const DbcSignal& signal) {
   return json;
 }
 
-Json message_json(const DbcMessage& message) {
-  Json json{{"name", message.name},
+/// `json` on one line; names and comments need not be UTF-8 where the DBC was not understood.
+std::string line(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+/// An array with one element per line, made and written one after the other: a DBC of 200 MB has
+/// millions of signals, and a tree of all of them would not fit.
+template <class Items, class ToLine>
+void write_array(std::FILE* out, const char* indent, const Items& items, const ToLine& to_line) {
+  const char* separator = "";
+  std::fputs("[", out);
+  for (const auto& item : items) {
+    fmt::print(out, "{}\n{}  ", separator, indent);
+    to_line(item);
+    separator = ",";
+  }
+  fmt::print(out, "{}{}]", items.empty() ? "" : "\n", items.empty() ? "" : indent);
+}
+
+void write_message(std::FILE* out, const DbcMessage& message) {
+  Json head{{"name", message.name},
             {"id", message.id},
             {"extended", message.is_extended},
             {"length", message.length},
-            {"transmitter", message.transmitter},
-            {"signals", Json::array()}};
-  for (const DbcSignal& signal : message.signals) {
-    json["signals"].push_back(signal_json(message, signal));
-  }
-  if (!message.other_transmitters.empty()) json["other_transmitters"] = message.other_transmitters;
-  if (!message.comment.empty()) json["comment"] = message.comment;
-  if (!message.attributes.empty()) json["attributes"] = attributes_json(message.attributes);
-  return json;
+            {"transmitter", message.transmitter}};
+  if (!message.other_transmitters.empty()) head["other_transmitters"] = message.other_transmitters;
+  if (!message.comment.empty()) head["comment"] = message.comment;
+  if (!message.attributes.empty()) head["attributes"] = attributes_json(message.attributes);
+  std::string text = line(head);
+  text.pop_back();  // the closing brace
+  fmt::print(out, "{},\"signals\":", text);
+  write_array(out, "    ", message.signals, [&](const DbcSignal& signal) {
+    fmt::print(out, "{}", line(signal_json(message, signal)));
+  });
+  std::fputs("}", out);
 }
 
 std::size_t signal_count(const DbcDatabase& dbc) {
@@ -128,32 +149,32 @@ void print_dbc(std::FILE* out, const DbcDatabase& dbc) {
              count_of(dbc, DbcSeverity::kNote));
 }
 
-Json dbc_json(const DbcDatabase& dbc) {
-  Json json{{"kind", "dbc"},
-            {"file", dbc.source},
-            {"version", dbc.version},
-            {"nodes", dbc.nodes},
-            {"message_count", dbc.messages.size()},
-            {"signal_count", signal_count(dbc)},
-            {"messages", Json::array()},
-            {"overlaps", Json::array()},
-            {"warnings", Json::array()},
-            {"further_warnings", dbc.further_warning_count}};
-  for (const DbcMessage& message : dbc.messages) json["messages"].push_back(message_json(message));
-  for (const DbcOverlap& overlap : dbc.overlaps) {
+void write_dbc_json(std::FILE* out, const DbcDatabase& dbc) {
+  fmt::print(out,
+             "{{\n  \"kind\": \"dbc\",\n  \"file\": {},\n  \"version\": {},\n  \"nodes\": {},\n"
+             "  \"message_count\": {},\n  \"signal_count\": {},\n  \"messages\": ",
+             line(dbc.source), line(dbc.version), line(dbc.nodes), dbc.messages.size(),
+             signal_count(dbc));
+  write_array(out, "  ", dbc.messages,
+              [&](const DbcMessage& message) { write_message(out, message); });
+  std::fputs(",\n  \"overlaps\": ", out);
+  write_array(out, "  ", dbc.overlaps, [&](const DbcOverlap& overlap) {
     const DbcMessage& message = dbc.messages[overlap.message];
-    json["overlaps"].push_back(
-        {{"message", message.name},
-         {"signals",
-          {message.signals[overlap.earlier].name, message.signals[overlap.later].name}}});
-  }
-  for (const DbcWarning& warning : dbc.warnings) {
-    json["warnings"].push_back({{"line", warning.position.line},
-                                {"column", warning.position.column},
-                                {"severity", severity_name(warning.severity)},
-                                {"text", warning.text}});
-  }
-  return json;
+    fmt::print(
+        out, "{}",
+        line({{"message", message.name},
+              {"signals",
+               {message.signals[overlap.earlier].name, message.signals[overlap.later].name}}}));
+  });
+  std::fputs(",\n  \"warnings\": ", out);
+  write_array(out, "  ", dbc.warnings, [&](const DbcWarning& warning) {
+    fmt::print(out, "{}",
+               line({{"line", warning.position.line},
+                     {"column", warning.position.column},
+                     {"severity", severity_name(warning.severity)},
+                     {"text", warning.text}}));
+  });
+  fmt::print(out, ",\n  \"further_warnings\": {}\n}}\n", dbc.further_warning_count);
 }
 
 }  // namespace faultline

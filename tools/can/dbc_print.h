@@ -2,8 +2,6 @@
 
 #include <cstdio>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "drivers/dbc/dbc_database.h"
 
 namespace faultline {
@@ -11,8 +9,8 @@ namespace faultline {
 /// Messages, signals and warnings of a DBC for people.
 void print_dbc(std::FILE* out, const DbcDatabase& dbc);
 
-/// All of them as data: {"kind":"dbc", "file", "version", "nodes", "counts", "messages",
-/// "overlaps", "warnings"}.
-[[nodiscard]] nlohmann::ordered_json dbc_json(const DbcDatabase& dbc);
+/// All of them as JSON: {"kind":"dbc", "file", "version", "nodes", "message_count", "signal_count",
+/// "messages", "overlaps", "warnings", "further_warnings"}. Takes no memory for it.
+void write_dbc_json(std::FILE* out, const DbcDatabase& dbc);
 
 }  // namespace faultline
