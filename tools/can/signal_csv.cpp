@@ -85,10 +85,12 @@ std::optional<T> to_number(std::string_view text) {
 /// "1436509052.249713", up to nine digits of a fraction, without going through a double.
 std::optional<Timestamp> to_time(std::string_view text) {
   constexpr std::size_t kNanosecondDigits = 9;
+  constexpr std::int64_t kMostSeconds = 9'223'372'035;  // whose nanoseconds a Timestamp holds
   const std::size_t dot = std::min(text.find('.'), text.size());
-  const auto seconds = to_number<std::int32_t>(text.substr(0, dot));
+  const auto seconds = to_number<std::int64_t>(text.substr(0, dot));
   std::string fraction(text.substr(std::min(dot + 1, text.size())));
-  if (!seconds || *seconds < 0 || fraction.size() > kNanosecondDigits) return std::nullopt;
+  if (!seconds || *seconds < 0 || *seconds > kMostSeconds || fraction.size() > kNanosecondDigits)
+    return std::nullopt;
   fraction.resize(kNanosecondDigits, '0');
   const auto nanoseconds = to_number<std::uint32_t>(fraction);
   if (!nanoseconds) return std::nullopt;
