@@ -71,7 +71,7 @@ class Install(unittest.TestCase):
 
     def test_the_example_reads_signals_from_a_bus(self):
         source = ROOT / "examples" / "can_signals"
-        self.assertLessEqual(len((source / "main.cpp").read_text().splitlines()), 36)
+        self.assertLessEqual(len((source / "main.cpp").read_text().splitlines()), 30)
         program = self.build(source, "can_signals")
         output = pathlib.Path(self.folder.name, "signals.txt")
         run(sys.executable, ROOT / "tools" / "with-vcan", "--", "bash", "-c", DIALOGUE, "dialogue",
