@@ -20,13 +20,16 @@ target_include_directories(faultline_build_options INTERFACE
   $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
   $<INSTALL_INTERFACE:include/faultline>)
 
-# faultline_library(<folder target> SOURCES ... PUBLIC ... PRIVATE ...): a folder's static library
-# with its alias faultline::<folder target>.
+# faultline_library(<folder target> SOURCES ... HEADERS ... PUBLIC ... PRIVATE ...): a folder's static
+# library with its alias faultline::<folder target>. HEADERS are what others may include once it is
+# installed (cmake/install.cmake); inside the project every header may be.
 function(faultline_library name)
-  cmake_parse_arguments(arg "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(arg "" "" "SOURCES;HEADERS;PUBLIC;PRIVATE" ${ARGN})
   add_library(faultline_${name} STATIC ${arg_SOURCES})
   add_library(faultline::${name} ALIAS faultline_${name})
   set_target_properties(faultline_${name} PROPERTIES EXPORT_NAME ${name})
+  target_sources(faultline_${name} PUBLIC
+    FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES ${arg_HEADERS})
   target_link_libraries(faultline_${name}
     PUBLIC faultline::build_options ${arg_PUBLIC}
     PRIVATE ${arg_PRIVATE})

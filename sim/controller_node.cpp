@@ -43,6 +43,7 @@ ControllerNode::ControllerNode(const SignalMap& map, ControlLaw law)
     : map_(&map),
       law_(std::move(law)),
       measurements_(map.sensor_messages, map.output_names.size()),
+      protectors_(protectors(map.command_messages)),
       dy_(law_.gain.cols()),
       u_(law_.gain.rows()) {}
 
@@ -66,8 +67,10 @@ void ControllerNode::answer(std::uint32_t k, FrameSink& sink) noexcept {
   u_ = law_.feedforward;
   u_.noalias() -= law_.gain * dy_;
   CanFrame frame;
-  for (const MappedMessage& message : map_->command_messages) {
-    clamped_values_ += message.encode({u_.data(), static_cast<std::size_t>(u_.size())}, k, frame);
+  for (std::size_t i = 0; i < protectors_.size(); ++i) {
+    clamped_values_ += map_->command_messages[i].encode(
+        {u_.data(), static_cast<std::size_t>(u_.size())}, k, frame);
+    protectors_[i].protect(frame);
     sink.send(frame);
   }
 }

@@ -7,6 +7,7 @@
 
 #include "diagnosis/model/plant_model.h"
 #include "drivers/can/can_bus.h"
+#include "drivers/signal/message_integrity.h"
 #include "drivers/signal/signal_map.h"
 #include "sim/message_assembler.h"
 
@@ -38,7 +39,8 @@ struct ControlLaw {
                                        const Eigen::MatrixXd& Q, const Eigen::MatrixXd& R);
 
 /// The controller as a state machine on a bus: answers the measurement of cycle k with the commands
-/// of counter k. Owns no socket, thread or clock.
+/// of counter k, with the alive counters and checksums that the map asks for. Owns no socket,
+/// thread or clock.
 class ControllerNode {
  public:
   /// `map` must outlive the node.
@@ -57,6 +59,7 @@ class ControllerNode {
   const SignalMap* map_;
   ControlLaw law_;
   MessageAssembler measurements_;
+  std::vector<MessageProtector> protectors_;  // per command message
   std::uint32_t cycle_ = 0;
   Eigen::VectorXd dy_, u_;
   std::uint64_t clamped_values_ = 0;

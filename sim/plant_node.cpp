@@ -18,6 +18,8 @@ PlantNode::PlantNode(const PlantModel& model, const SignalMap& map, const FaultS
       x_(x_initial),
       faults_(schedule.none()) {
   plant_.reset(x_initial);
+  if (map.sync) sync_protector_ = MessageProtector(map.sync->protection);
+  sensor_protectors_ = protectors(map.sensor_messages);
 }
 
 void PlantNode::on_cycle(std::uint32_t k, FrameSink& sink) noexcept {
@@ -33,10 +35,12 @@ void PlantNode::on_cycle(std::uint32_t k, FrameSink& sink) noexcept {
   CanFrame frame;
   if (map_->sync) {
     map_->sync->encode(k, newest_command_, frame);
+    sync_protector_.protect(frame);
     sink.send(frame);
   }
-  for (const MappedMessage& message : map_->sensor_messages) {
-    clamped_values_ += message.encode(y_, k, frame);
+  for (std::size_t i = 0; i < sensor_protectors_.size(); ++i) {
+    clamped_values_ += map_->sensor_messages[i].encode(y_, k, frame);
+    sensor_protectors_[i].protect(frame);
     sink.send(frame);
   }
   plant_.step(u_, faults_);

@@ -7,6 +7,7 @@
 
 #include "drivers/can/can_bus.h"
 #include "drivers/signal/cycle_counter.h"
+#include "drivers/signal/message_integrity.h"
 #include "drivers/signal/signal_map.h"
 #include "sim/fault_schedule.h"
 #include "sim/message_assembler.h"
@@ -23,7 +24,8 @@ struct PlantTruth {
 
 /// The unit under diagnosis: the plant with its actuators and sensors, as a state machine on a bus.
 /// It leads the cycle (docs/design.md, "The cycle"): at t_k it latches the newest complete command,
-/// sends SYNC with k and c_k, then the sensor frames of y_k. Owns no socket, thread or clock.
+/// sends SYNC with k and c_k, then the sensor frames of y_k, with the alive counters and checksums
+/// that the map asks for. Owns no socket, thread or clock.
 class PlantNode {
  public:
   /// `map` must outlive the node. @throws std::invalid_argument as LinearPlant.
@@ -54,6 +56,8 @@ class PlantNode {
   LinearPlant plant_;
   double sample_time_s_;
   MessageAssembler commands_;
+  MessageProtector sync_protector_;
+  std::vector<MessageProtector> sensor_protectors_;  // per sensor message
   std::uint32_t cycle_ = 0;
   std::uint32_t newest_command_ = kNoCommand;
   std::vector<double> u_, y_;

@@ -15,21 +15,26 @@ void add_json_option(CLI::App& command, std::string& target) {
       ->type_name("F|-");
 }
 
-void write_json(const Json& value, const std::string& target) {
-  // Names of files need not be UTF-8, JSON must.
-  const std::string text = value.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+void write_to(const std::string& target, const std::function<void(std::FILE*)>& write) {
   const bool is_stdout = target == "-";
   std::FILE* file = is_stdout ? stdout : std::fopen(target.c_str(), "w");
   if (file == nullptr) {
     throw OutputError(fmt::format("cannot write {}: {}", target, std::strerror(errno)));
   }
-  const bool is_written =
-      std::fwrite(text.data(), 1, text.size(), file) == text.size() && std::fflush(file) == 0;
+  errno = 0;
+  write(file);
+  const bool is_written = std::fflush(file) == 0 && std::ferror(file) == 0;
   const int write_error = errno;
   if (!is_stdout) std::fclose(file);
   if (!is_written) {
     throw OutputError(fmt::format("cannot write {}: {}", target, std::strerror(write_error)));
   }
+}
+
+void write_json(const Json& value, const std::string& target) {
+  // Names of files need not be UTF-8, JSON must.
+  const std::string text = value.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  write_to(target, [&](std::FILE* file) { std::fwrite(text.data(), 1, text.size(), file); });
 }
 
 std::FILE* human_output(const std::string& json_target) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdio>
+#include <functional>
 #include <stdexcept>
 #include <string>
 
@@ -34,6 +35,9 @@ void add_json_option(CLI::App& command, std::string& target);
 
 /// Writes `value` to `target`: a file, or "-" for stdout. @throws OutputError.
 void write_json(const nlohmann::ordered_json& value, const std::string& target);
+
+/// Has `write` write to `target`: a file, or "-" for stdout. @throws OutputError.
+void write_to(const std::string& target, const std::function<void(std::FILE*)>& write);
 
 /// Where text for people goes: stderr when the data goes to stdout.
 [[nodiscard]] std::FILE* human_output(const std::string& json_target);

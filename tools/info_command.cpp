@@ -15,6 +15,7 @@
 #include "drivers/dbc/dbc_parser.h"
 #include "tools/bank_print.h"
 #include "tools/bench/scenario.h"
+#include "tools/can/dbc_print.h"
 #include "tools/cli.h"
 #include "tools/replay/log_info.h"
 
@@ -99,40 +100,6 @@ Json info_of_toml(const std::filesystem::path& file, std::FILE* out) {
                    "bank request or a scenario");
 }
 
-Json info_of_dbc(const std::filesystem::path& file, std::FILE* out) {
-  const DbcDatabase dbc = read_dbc(file);
-  fmt::print(out, "{}: {} messages\n", file.string(), dbc.messages.size());
-  Json json{{"kind", "dbc"}, {"messages", Json::array()}, {"warnings", Json::array()}};
-  for (const DbcMessage& message : dbc.messages) {
-    fmt::print(out, "  0x{:0{}X} {} [{}]\n", message.id, message.is_extended ? 8 : 3, message.name,
-               message.length);
-    Json signals = Json::array();
-    for (const DbcSignal& signal : message.signals) {
-      fmt::print(out, "    {:<20} {:>3} bits at {:>3}, factor {:g}, offset {:g} {}\n", signal.name,
-                 signal.bit_count, signal.start_bit, signal.factor, signal.offset, signal.unit);
-      signals.push_back({{"name", signal.name},
-                         {"start_bit", signal.start_bit},
-                         {"bits", signal.bit_count},
-                         {"factor", signal.factor},
-                         {"offset", signal.offset},
-                         {"unit", signal.unit}});
-    }
-    json["messages"].push_back({{"name", message.name},
-                                {"id", message.id},
-                                {"extended", message.is_extended},
-                                {"length", message.length},
-                                {"signals", signals}});
-  }
-  for (const DbcWarning& warning : dbc.warnings) {
-    fmt::print(out, "  warning {}:{}:{}: {}\n", file.string(), warning.position.line,
-               warning.position.column, warning.text);
-    json["warnings"].push_back({{"line", warning.position.line},
-                                {"column", warning.position.column},
-                                {"text", warning.text}});
-  }
-  return json;
-}
-
 Json info_of_log(const std::filesystem::path& file, std::FILE* out) {
   const LogInfo info = read_log_info(file);
   fmt::print(out, "{}: {} messages in {:.3f} s\n", file.string(), info.messages, info.duration_s);
@@ -164,6 +131,7 @@ Json info_of_log(const std::filesystem::path& file, std::FILE* out) {
     Json estimates = Json::array();
     std::vector<std::string> details;
     if (change.cause != "none" && change.cause != "complete") details.push_back(change.cause);
+    if (!change.blame.empty()) details.push_back(change.blame);
     for (const LogInfo::Estimate& estimate : change.estimates) {
       const bool has_deviation = estimate.deviation >= 0.0;
       details.push_back(fmt::format(
@@ -182,6 +150,7 @@ Json info_of_log(const std::filesystem::path& file, std::FILE* out) {
                                 {"t_s", change.t_s},
                                 {"verdict", change.verdict},
                                 {"cause", change.cause},
+                                {"blame", change.blame},
                                 {"onset_cycle", change.onset_cycle},
                                 {"sets", change.sets},
                                 {"estimates", estimates}});
@@ -198,8 +167,14 @@ int info(const std::string& name, const std::string& json_target) {
   const std::string extension = file.extension().string();
   Json json;
   if (extension == ".dbc") {
-    json = info_of_dbc(file, out);
-  } else if (extension == ".json") {
+    const DbcDatabase dbc = read_dbc(file);
+    print_dbc(out, dbc);
+    if (!json_target.empty()) {
+      write_to(json_target, [&](std::FILE* target) { write_dbc_json(target, dbc); });
+    }
+    return kExitYes;
+  }
+  if (extension == ".json") {
     json = info_of_bank(file, out);
   } else if (extension == ".toml") {
     json = info_of_toml(file, out);

@@ -16,9 +16,12 @@
 #include "diagnosis/model/input_error.h"
 #include "drivers/can/can_bus.h"
 #include "drivers/dbc/dbc_parser.h"
+#include "drivers/signal/message_protection.h"
 #include "drivers/signal/signal_map.h"
 #include "tools/bench/bench_inputs.h"
 #include "tools/bench/message_sink.h"
+#include "tools/can/can_command.h"
+#include "tools/can/frame_log.h"
 #include "tools/cli.h"
 #include "tools/version.h"
 
@@ -44,6 +47,10 @@ int report_current_exception() {
   } catch (const BankFileError& error) {
     return report(error.what(), kExitBadInput);
   } catch (const SignalMapError& error) {
+    return report(error.what(), kExitBadInput);
+  } catch (const ProtectionError& error) {
+    return report(error.what(), kExitBadInput);
+  } catch (const FrameLogError& error) {
     return report(error.what(), kExitBadInput);
   } catch (const BusError& error) {
     return report(error.what(), kExitFailure);
@@ -83,6 +90,8 @@ int run_program(int argc, char** argv) {
   add_design_command(program, exit_code);
   add_check_command(program, exit_code);
   add_info_command(program, exit_code);
+  add_can_command(program, exit_code);
+  add_decode_command(program, exit_code);
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/bench/bench.h"
+#include "tools/bench/endpoints.h"
 #include "tools/bench/run_summary.h"
 #include "tools/cli.h"
 
@@ -123,9 +124,8 @@ void add_run_command(CLI::App& program, int& exit_code) {
   command->add_option("SCENARIO", arguments->scenario, "Scenario file (.toml)")
       ->required()
       ->check(CLI::ExistingFile);
-  command->add_option(
-      "--bus", arguments->bus,
-      "loop (in-process) or can:IFACE (SocketCAN); default: the scenario's, else loop");
+  command->add_option("--bus", arguments->bus,
+                      fmt::format("{}; default: the scenario's, else loop", kBusNamesHelp));
   command->add_flag("--realtime", arguments->is_realtime,
                     "Cycles at absolute deadlines; default: lock-step, as fast as the machine can");
   auto* log = command->add_option(

@@ -2,8 +2,10 @@
 
 #include <atomic>
 #include <cstdint>
+#include <span>
 
 #include "drivers/can/can_bus.h"
+#include "drivers/can/error_frame.h"
 
 namespace faultline {
 
@@ -28,10 +30,33 @@ struct AtomicBusCounters {
   RelaxedCounter received;
   RelaxedCounter dropped;
   RelaxedCounter malformed;
+  RelaxedCounter error_frames;
+  RelaxedCounter bus_offs;
+  RelaxedCounter restarts;
+  std::atomic<std::uint64_t> outages{0};  ///< sending and receiving threads both notice them
+
+  /// Counts frames that are about to be returned by `receive`.
+  void count_received(std::span<const CanFrame> frames) noexcept {
+    received.add(frames.size());
+    for (const CanFrame& frame : frames) {
+      if (!frame.is_error) continue;
+      const ErrorReport report = read_error_frame(frame);
+      error_frames.add();
+      if (report.state == ControllerState::kBusOff) bus_offs.add();
+      if (report.is_restarted) restarts.add();
+    }
+  }
 
   [[nodiscard]] BusCounters snapshot() const noexcept {
-    return {sent.value(), send_errors.value(), received.value(), dropped.value(),
-            malformed.value()};
+    return {.sent = sent.value(),
+            .send_errors = send_errors.value(),
+            .received = received.value(),
+            .dropped = dropped.value(),
+            .malformed = malformed.value(),
+            .error_frames = error_frames.value(),
+            .bus_offs = bus_offs.value(),
+            .restarts = restarts.value(),
+            .outages = outages.load(std::memory_order_relaxed)};
   }
 };
 

@@ -34,12 +34,30 @@ struct BusCounters {
   std::uint64_t received = 0;     ///< frames returned by `receive`
   std::uint64_t dropped = 0;      ///< frames lost between the bus and this reader (queue full)
   std::uint64_t malformed = 0;    ///< received units that were not a frame
+  // Of the frames received:
+  std::uint64_t error_frames = 0;  ///< made by the controller (error_frame.h)
+  std::uint64_t bus_offs = 0;      ///< of these, that say bus-off
+  std::uint64_t restarts = 0;      ///< of these, that say the controller restarted
+  std::uint64_t outages = 0;       ///< times the interface went down or away
 };
+
+/// The counters of two endpoints together.
+[[nodiscard]] inline BusCounters operator+(const BusCounters& a, const BusCounters& b) noexcept {
+  return {.sent = a.sent + b.sent,
+          .send_errors = a.send_errors + b.send_errors,
+          .received = a.received + b.received,
+          .dropped = a.dropped + b.dropped,
+          .malformed = a.malformed + b.malformed,
+          .error_frames = a.error_frames + b.error_frames,
+          .bus_offs = a.bus_offs + b.bus_offs,
+          .restarts = a.restarts + b.restarts,
+          .outages = a.outages + b.outages};
+}
 
 enum class ReceiveStatus {
   kOk,       ///< at least one frame was returned
   kTimeout,  ///< nothing arrived in time
-  kDown,     ///< the interface is down or gone
+  kDown,     ///< the interface went down or away; said once per outage, then kTimeout
   kError,    ///< the system refused; `last_error()` tells
 };
 
@@ -81,6 +99,11 @@ class CanBus : public FrameSink {
 
   /// May be called from any thread.
   [[nodiscard]] virtual BusCounters counters() const noexcept = 0;
+
+  /// False from the moment `receive` or `send` noticed that the interface is down or gone until one
+  /// of them noticed that it is back. The bus finds its interface again by itself, as long as
+  /// either is called. May be called from any thread.
+  [[nodiscard]] virtual bool is_up() const noexcept { return true; }
 
   /// `errno` of the last refusal by the system, 0 if there was none. May be called from any thread.
   [[nodiscard]] virtual int last_error() const noexcept { return 0; }

@@ -28,12 +28,14 @@ struct CanFrame {
   Timestamp stamp{};                  ///< receive time; ignored on sending
   std::uint32_t id = 0;               ///< 11 or 29 bits, no flag bits
   std::uint8_t length = 0;            ///< payload bytes
+  std::uint8_t bus = 0;               ///< which bus of several (BusGroup); 0 where there is one
   bool is_extended = false;           ///< 29-bit identifier
   bool is_fd = false;                 ///< CAN FD frame
   bool is_bit_rate_switched = false;  ///< FD only: BRS
   bool is_error_state = false;        ///< FD only: ESI
   bool is_remote = false;             ///< classic only: RTR
-  bool is_error = false;              ///< error frame made by the controller; `id` is its class
+  bool is_error = false;              ///< error frame made by the controller; `id` is its class,
+                                      ///< neither extended nor remote (error_frame.h)
   std::array<std::uint8_t, kMaxPayload> data{};
 
   /// View of the payload; valid as long as the frame.
@@ -41,7 +43,7 @@ struct CanFrame {
     return {data.data(), length};
   }
 
-  /// True if `a` and `b` are the same frame on the wire; the receive time does not count.
+  /// True if `a` and `b` are the same frame on the wire; receive time and bus do not count.
   [[nodiscard]] friend bool same_on_wire(const CanFrame& a, const CanFrame& b) noexcept {
     return a.id == b.id && a.length == b.length && a.is_extended == b.is_extended &&
            a.is_fd == b.is_fd && a.is_bit_rate_switched == b.is_bit_rate_switched &&
@@ -51,12 +53,14 @@ struct CanFrame {
 };
 
 /// True if a bus can carry `frame`: identifier and length within its format, FD flags only on FD
-/// frames, remote only on classic ones. Every bus refuses (and counts) any other frame.
+/// frames, remote only on classic ones, error frames of no other kind. Every bus refuses (and
+/// counts) any other frame.
 [[nodiscard]] inline bool is_well_formed(const CanFrame& frame) noexcept {
   const bool has_fd_flag = frame.is_bit_rate_switched || frame.is_error_state;
   return frame.id <= (frame.is_extended || frame.is_error ? kMaxExtendedId : kMaxStandardId) &&
          frame.length <= (frame.is_fd ? kMaxPayload : kMaxClassicPayload) &&
-         (frame.is_fd ? !frame.is_remote && !frame.is_error : !has_fd_flag);
+         (frame.is_fd ? !frame.is_remote && !frame.is_error : !has_fd_flag) &&
+         !(frame.is_error && (frame.is_extended || frame.is_remote));
 }
 
 }  // namespace faultline

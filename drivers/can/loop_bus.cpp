@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "drivers/can/atomic_bus_counters.h"
+#include "drivers/can/id_filters.h"
 
 namespace faultline {
 namespace {
@@ -59,11 +60,6 @@ class FrameRing {
   alignas(kCacheLine) std::atomic<std::size_t> head_{0};
 };
 
-/// Identifier and format in one number, for sorted filters.
-std::uint32_t filter_key(std::uint32_t id, bool is_extended) noexcept {
-  return id | (is_extended ? 0x8000'0000u : 0u);
-}
-
 }  // namespace
 
 struct LoopBus::Hub {
@@ -107,18 +103,14 @@ class LoopBus::Hub::Endpoint final : public CanBus {
       count = ring_.pop(out);
     }
     if (count == 0) return {};
-    counters_.received.add(count);
+    counters_.count_received(out.first(count));
     return {ReceiveStatus::kOk, count};
   }
 
   void set_filters(std::span<const IdFilter> filters) override {
-    std::vector<std::uint32_t> keys;
-    keys.reserve(filters.size());
-    for (const IdFilter& filter : filters)
-      keys.push_back(filter_key(filter.id, filter.is_extended));
-    std::sort(keys.begin(), keys.end());
+    IdFilters wanted(filters);
     const std::lock_guard lock(hub_->mutex);
-    accepted_keys_ = std::move(keys);
+    filters_ = std::move(wanted);
   }
 
   [[nodiscard]] int readiness_fd() const noexcept override { return -1; }
@@ -127,7 +119,7 @@ class LoopBus::Hub::Endpoint final : public CanBus {
 
   /// Queues `frame` if the filters let it pass. @pre the hub's mutex is held.
   void accept(const CanFrame& frame) noexcept {
-    if (!passes_filters(frame)) return;
+    if (!filters_.pass(frame)) return;
     if (!ring_.push(frame)) {
       counters_.dropped.add();
       return;
@@ -136,12 +128,6 @@ class LoopBus::Hub::Endpoint final : public CanBus {
   }
 
  private:
-  [[nodiscard]] bool passes_filters(const CanFrame& frame) const noexcept {
-    return accepted_keys_.empty() || frame.is_error ||
-           std::binary_search(accepted_keys_.begin(), accepted_keys_.end(),
-                              filter_key(frame.id, frame.is_extended));
-  }
-
   /// @return false if `timeout` passed without a frame.
   bool wait_for_frame(std::chrono::nanoseconds timeout) noexcept {
     const auto deadline = std::chrono::steady_clock::now() +
@@ -158,7 +144,7 @@ class LoopBus::Hub::Endpoint final : public CanBus {
   FrameRing ring_;
   AtomicBusCounters counters_;
   // Guarded by the hub's mutex.
-  std::vector<std::uint32_t> accepted_keys_;  ///< sorted; empty: all
+  IdFilters filters_;
   bool is_waiting_ = false;
   std::condition_variable frame_arrived_;
 };

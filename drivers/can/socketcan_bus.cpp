@@ -6,154 +6,26 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
-#include <ctime>
-#include <optional>
-#include <system_error>
-#include <thread>
-#include <utility>
+#include <mutex>
 #include <vector>
-
-#include <poll.h>
-#include <unistd.h>
 
 #include <linux/can.h>
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
-#include <net/if.h>
-#include <net/if_arp.h>
-#include <sys/ioctl.h>
 #include <sys/socket.h>
 
 #include "drivers/can/atomic_bus_counters.h"
+#include "drivers/can/bus_socket.h"
+#include "drivers/can/can_interface.h"
 
 namespace faultline {
 namespace {
 
-/// Between two tries to send into a full queue: about one classic frame at 500 kbit/s.
-constexpr std::chrono::microseconds kSendRetryPause{200};
-
-/// Room for what the kernel tells with each frame: SO_TIMESTAMPNS and SO_RXQ_OVFL.
-constexpr std::size_t kControlBytes =
-    CMSG_SPACE(sizeof(timespec)) + CMSG_SPACE(sizeof(std::uint32_t));
-
-std::string reason(int error) { return std::generic_category().message(error); }
-
-/// A file descriptor that closes itself.
-class Socket {
- public:
-  explicit Socket(int fd) noexcept : fd_(fd) {}
-  ~Socket() { ::close(fd_); }
-  Socket(const Socket&) = delete;
-  Socket& operator=(const Socket&) = delete;
-  [[nodiscard]] int fd() const noexcept { return fd_; }
-
- private:
-  int fd_;
-};
-
-int open_can_socket(const std::string& bus) {
-  const int fd = ::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW);
-  if (fd >= 0) return fd;
-  const int error = errno;
-  switch (error) {
-    case EAFNOSUPPORT:
-    case EPROTONOSUPPORT:
-    case ESOCKTNOSUPPORT:
-      throw BusError(bus + ": this kernel has no CAN sockets (" + reason(error) +
-                     "): run it inside tools/with-vcan, or load the module can_raw");
-    case EPERM:
-    case EACCES:
-      throw BusError(bus + ": not permitted to open a CAN socket (" + reason(error) +
-                     "): run it as a user, or in a container, that may");
-    default:
-      throw BusError(bus + ": cannot open a CAN socket: " + reason(error));
-  }
-}
-
-template <class T>
-void set_option(const Socket& socket, const std::string& bus, int level, int option, const T& value,
-                const char* option_name) {
-  if (::setsockopt(socket.fd(), level, option, &value, sizeof value) != 0) {
-    throw BusError(bus + ": cannot set " + option_name + ": " + reason(errno));
-  }
-}
-
-ifreq request_for(const std::string& interface_name) noexcept {
-  ifreq request{};
-  interface_name.copy(request.ifr_name, IFNAMSIZ - 1);
-  return request;
-}
-
-bool is_can_interface(const Socket& socket, const std::string& interface_name) noexcept {
-  ifreq request = request_for(interface_name);
-  return ::ioctl(socket.fd(), SIOCGIFHWADDR, &request) == 0 &&
-         request.ifr_hwaddr.sa_family == ARPHRD_CAN;
-}
-
-/// "vcan0, vcan1", or a sentence how to make one.
-std::string list_can_interfaces(const Socket& socket) {
-  std::string names;
-  struct if_nameindex* const interfaces = ::if_nameindex();
-  for (const struct if_nameindex* entry = interfaces; entry != nullptr && entry->if_index != 0;
-       ++entry) {
-    if (!is_can_interface(socket, entry->if_name)) continue;
-    if (!names.empty()) names += ", ";
-    names += entry->if_name;
-  }
-  if (interfaces != nullptr) ::if_freenameindex(interfaces);
-  if (names.empty()) {
-    return "there is no CAN interface at all (make a virtual one: ip link add dev vcan0 type vcan)";
-  }
-  return "CAN interfaces here: " + names;
-}
-
-/// @return the interface's index. @throws BusError it is no CAN interface that is up.
-int find_interface(const Socket& socket, const std::string& bus,
-                   const std::string& interface_name) {
-  if (interface_name.empty() || interface_name.size() >= IFNAMSIZ) {
-    throw BusError(bus + ": interface name of " + std::to_string(interface_name.size()) +
-                   " characters, expected 1 to " + std::to_string(IFNAMSIZ - 1));
-  }
-  ifreq request = request_for(interface_name);
-  if (::ioctl(socket.fd(), SIOCGIFINDEX, &request) != 0) {
-    throw BusError(bus + ": no such interface; " + list_can_interfaces(socket));
-  }
-  const int index = request.ifr_ifindex;
-  if (!is_can_interface(socket, interface_name)) {
-    throw BusError(bus + ": not a CAN interface; " + list_can_interfaces(socket));
-  }
-  request = request_for(interface_name);
-  if (::ioctl(socket.fd(), SIOCGIFFLAGS, &request) != 0) {
-    throw BusError(bus + ": cannot read the interface's state: " + reason(errno));
-  }
-  if ((request.ifr_flags & IFF_UP) == 0) {
-    throw BusError(bus + ": the interface is down: ip link set " + interface_name + " up");
-  }
-  return index;
-}
-
-void bind_to_interface(const Socket& socket, const std::string& bus,
-                       const std::string& interface_name) {
-  sockaddr_can address{};
-  address.can_family = AF_CAN;
-  address.can_ifindex = find_interface(socket, bus, interface_name);
-  if (::bind(socket.fd(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
-    throw BusError(bus + ": cannot bind: " + reason(errno));
-  }
-}
-
-/// @return the size granted, by the kernel's own count.
-int size_receive_buffer(const Socket& socket, const std::string& bus, int bytes) {
-  if (::setsockopt(socket.fd(), SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes) != 0) {
-    set_option(socket, bus, SOL_SOCKET, SO_RCVBUF, bytes, "SO_RCVBUF");
-  }
-  int granted = 0;
-  socklen_t size = sizeof granted;
-  if (::getsockopt(socket.fd(), SOL_SOCKET, SO_RCVBUF, &granted, &size) != 0) {
-    throw BusError(bus + ": cannot read SO_RCVBUF: " + reason(errno));
-  }
-  return granted;
-}
+/// During an outage the interface is looked for this often: a hundredth of the second that a person
+/// takes to plug it in again.
+constexpr std::chrono::milliseconds kReturnPoll{10};
+/// Longest single wait of `receive`: keeps the deadline's arithmetic far from overflow.
+constexpr std::chrono::hours kLongestWait{24};
 
 canid_t wire_id(const CanFrame& frame) noexcept {
   return frame.id | (frame.is_extended ? CAN_EFF_FLAG : 0u) |
@@ -179,66 +51,37 @@ bool from_wire(const canfd_frame& wire, std::size_t size, CanFrame& frame) noexc
   if (!is_fd && size != CAN_MTU) return false;
   if (wire.len > (is_fd ? CANFD_MAX_DLEN : CAN_MAX_DLEN)) return false;
   frame = {};
-  frame.is_extended = (wire.can_id & CAN_EFF_FLAG) != 0;
   frame.is_error = (wire.can_id & CAN_ERR_FLAG) != 0;
-  frame.is_remote = !frame.is_error && (wire.can_id & CAN_RTR_FLAG) != 0;
+  frame.is_extended = !frame.is_error && (wire.can_id & CAN_EFF_FLAG) != 0;
+  frame.is_remote = !frame.is_error && !is_fd && (wire.can_id & CAN_RTR_FLAG) != 0;
   frame.id = wire.can_id & (frame.is_extended || frame.is_error ? CAN_EFF_MASK : CAN_SFF_MASK);
   frame.length = wire.len;
   frame.is_fd = is_fd;
   frame.is_bit_rate_switched = is_fd && (wire.flags & CANFD_BRS) != 0;
   frame.is_error_state = is_fd && (wire.flags & CANFD_ESI) != 0;
   if (!frame.is_remote) std::memcpy(frame.data.data(), wire.data, wire.len);
-  return true;
+  return is_well_formed(frame);
 }
 
-/// What the kernel told about one received frame besides the frame.
-struct FrameNotes {
-  Timestamp stamp{};
-  std::optional<std::uint32_t> total_drops;
-};
-
-FrameNotes read_notes(msghdr& message) noexcept {
-  FrameNotes notes;
-  for (cmsghdr* note = CMSG_FIRSTHDR(&message); note != nullptr;
-       note = CMSG_NXTHDR(&message, note)) {
-    if (note->cmsg_level != SOL_SOCKET) continue;
-    if (note->cmsg_type == SCM_TIMESTAMPNS) {
-      timespec time{};
-      std::memcpy(&time, CMSG_DATA(note), sizeof time);
-      notes.stamp =
-          Timestamp(std::chrono::seconds(time.tv_sec) + std::chrono::nanoseconds(time.tv_nsec));
-    } else if (note->cmsg_type == SO_RXQ_OVFL) {
-      std::uint32_t drops = 0;
-      std::memcpy(&drops, CMSG_DATA(note), sizeof drops);
-      notes.total_drops = drops;
-    }
-  }
-  return notes;
+/// Whether the system says so when a socket's interface is down or gone.
+bool is_outage(int error) noexcept {
+  return error == ENETDOWN || error == ENODEV || error == ENXIO;
 }
 
-/// What one batch of system calls reads or writes: kBatch frames and their headers, wired up once.
-struct Batch {
-  Batch() noexcept {
-    for (std::size_t n = 0; n < SocketCanBus::kBatch; ++n) {
-      vectors[n] = {&frames[n], sizeof frames[n]};
-      headers[n].msg_hdr.msg_iov = &vectors[n];
-      headers[n].msg_hdr.msg_iovlen = 1;
-    }
+bool set_kernel_filters(const Socket& socket, const std::vector<can_filter>& filters) noexcept {
+  return ::setsockopt(socket.fd(), SOL_CAN_RAW, CAN_RAW_FILTER, filters.data(),
+                      static_cast<socklen_t>(filters.size() * sizeof(can_filter))) == 0;
+}
+
+std::vector<can_filter> kernel_filters(std::span<const IdFilter> filters) {
+  std::vector<can_filter> in_kernel;
+  for (const IdFilter& filter : filters) {
+    const canid_t format = filter.is_extended ? CAN_EFF_FLAG : 0u;
+    const canid_t bits = filter.is_extended ? CAN_EFF_MASK : CAN_SFF_MASK;
+    in_kernel.push_back({filter.id | format, bits | CAN_EFF_FLAG});
   }
-  Batch(const Batch&) = delete;
-  Batch& operator=(const Batch&) = delete;
-
-  std::array<canfd_frame, SocketCanBus::kBatch> frames{};
-  std::array<iovec, SocketCanBus::kBatch> vectors{};
-  std::array<mmsghdr, SocketCanBus::kBatch> headers{};
-};
-
-struct ControlBuffer {
-  alignas(cmsghdr) std::array<std::byte, kControlBytes> bytes;
-};
-
-bool is_queue_full(int error) noexcept {
-  return error == ENOBUFS || error == EAGAIN || error == EWOULDBLOCK;
+  if (in_kernel.empty()) in_kernel.push_back({0, 0});
+  return in_kernel;
 }
 
 }  // namespace
@@ -246,81 +89,103 @@ bool is_queue_full(int error) noexcept {
 struct SocketCanBus::State {
   State(const std::string& interface_name, const SocketCanOptions& options);
 
-  /// Readable now or within `timeout`? @return 1 yes, 0 no, -1 error in errno.
-  [[nodiscard]] int wait_readable(std::chrono::nanoseconds timeout) const noexcept;
+  // Receiving thread.
   ReceiveResult read_batch(std::span<CanFrame> out) noexcept;
-  ReceiveResult report(int error) noexcept;
+  /// What `error`, of a read or a wait, means to the caller.
+  ReceiveStatus status_of(int error) noexcept;
+  /// True once for each outage, or for several between two calls.
+  bool take_outage() noexcept;
   void account_drops(std::uint32_t total) noexcept;
+
+  // Sending thread.
   /// Writes the first `count` frames of `outgoing` and counts those that the kernel took.
-  /// @return false if its queue stayed full.
+  /// @return false if no further frame has a chance now.
   bool write_batch(std::size_t count) noexcept;
 
+  // Either thread.
+  void begin_outage() noexcept;
+  /// Ends the outage if the interface is back. @return whether the bus is up.
+  bool try_return() noexcept;
+  // Called with set_up_mutex held.
+  void discard_error() noexcept;
+  bool rebind(int interface_index) noexcept;
+
   std::string bus_name;
+  std::string interface_name;
   Socket socket;
+  can_err_mask_t error_mask;
   int granted_receive_buffer = 0;
   AtomicBusCounters counters;
   std::atomic<int> last_error{0};
+  std::atomic<bool> is_up{true};
+  /// Orders what sets the socket up; on the real-time path it is taken during outages only.
+  std::mutex set_up_mutex;
+  std::vector<can_filter> filters = kernel_filters({});
   // Used by the receiving thread.
-  Batch incoming;
-  std::array<ControlBuffer, kBatch> notes{};
+  DatagramBatch<canfd_frame, kBatch> incoming;
+  std::array<NoteBuffer, kBatch> notes{};
   std::uint32_t kernel_drops = 0;  ///< the kernel's counter when last told; wraps at 2^32
-  bool is_gone = false;
+  std::uint64_t reported_outages = 0;
   // Used by the sending thread.
-  Batch outgoing;
+  DatagramBatch<canfd_frame, kBatch> outgoing;
+  bool is_stuck = false;  ///< the queue stayed full for kLongestSendWait
 };
 
-SocketCanBus::State::State(const std::string& interface_name, const SocketCanOptions& options)
-    : bus_name("can:" + interface_name), socket(open_can_socket(bus_name)) {
+SocketCanBus::State::State(const std::string& name, const SocketCanOptions& options)
+    : bus_name("can:" + name),
+      interface_name(name),
+      socket(open_can_socket(bus_name)),
+      error_mask(options.receive_error_frames ? CAN_ERR_MASK : 0) {
   const int on = 1;
   const int own = options.receive_own ? 1 : 0;
-  const can_err_mask_t errors = options.receive_error_frames ? CAN_ERR_MASK : 0;
-  set_option(socket, bus_name, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, on, "CAN_RAW_FD_FRAMES");
-  set_option(socket, bus_name, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, own, "CAN_RAW_RECV_OWN_MSGS");
-  set_option(socket, bus_name, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, errors, "CAN_RAW_ERR_FILTER");
-  set_option(socket, bus_name, SOL_SOCKET, SO_TIMESTAMPNS, on, "SO_TIMESTAMPNS");
-  set_option(socket, bus_name, SOL_SOCKET, SO_RXQ_OVFL, on, "SO_RXQ_OVFL");
-  granted_receive_buffer = size_receive_buffer(socket, bus_name, options.receive_buffer_bytes);
-  bind_to_interface(socket, bus_name, interface_name);
-}
-
-int SocketCanBus::State::wait_readable(std::chrono::nanoseconds timeout) const noexcept {
-  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(timeout);
-  const timespec limit{static_cast<std::time_t>(seconds.count()),
-                       static_cast<long>((timeout - seconds).count())};
-  pollfd readiness{socket.fd(), POLLIN, 0};
-  return ::ppoll(&readiness, 1, &limit, nullptr);
+  set_socket_option(socket, bus_name, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, on, "CAN_RAW_FD_FRAMES");
+  set_socket_option(socket, bus_name, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, own,
+                    "CAN_RAW_RECV_OWN_MSGS");
+  set_socket_option(socket, bus_name, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, error_mask,
+                    "CAN_RAW_ERR_FILTER");
+  granted_receive_buffer = set_up_receiving(socket, bus_name, options.receive_buffer_bytes);
+  if (!bind_to_interface(socket, require_interface(bus_name, interface_name))) {
+    throw BusError(bus_name + ": cannot bind: " + errno_text(errno));
+  }
 }
 
 ReceiveResult SocketCanBus::State::read_batch(std::span<CanFrame> out) noexcept {
   const std::size_t room = std::min(out.size(), kBatch);
   for (std::size_t n = 0; n < room; ++n) {
     incoming.headers[n].msg_hdr.msg_control = notes[n].bytes.data();
-    incoming.headers[n].msg_hdr.msg_controllen = kControlBytes;
+    incoming.headers[n].msg_hdr.msg_controllen = kNoteBytes;
   }
   const int received = ::recvmmsg(socket.fd(), incoming.headers.data(), static_cast<unsigned>(room),
                                   MSG_DONTWAIT, nullptr);
-  if (received < 0) return report(errno);
+  if (received < 0) return {status_of(errno), 0};
   std::size_t count = 0;
   for (std::size_t n = 0; n < static_cast<std::size_t>(received); ++n) {
-    const FrameNotes told = read_notes(incoming.headers[n].msg_hdr);
+    const DatagramNotes told = read_notes(incoming.headers[n].msg_hdr);
     if (told.total_drops) account_drops(*told.total_drops);
-    if (from_wire(incoming.frames[n], incoming.headers[n].msg_len, out[count])) {
+    if (from_wire(incoming.buffers[n], incoming.headers[n].msg_len, out[count])) {
       out[count++].stamp = told.stamp;
     } else {
       counters.malformed.add();
     }
   }
   if (count == 0) return {};
-  counters.received.add(count);
+  counters.count_received(out.first(count));
   return {ReceiveStatus::kOk, count};
 }
 
-ReceiveResult SocketCanBus::State::report(int error) noexcept {
-  if (error == EAGAIN || error == EWOULDBLOCK || error == EINTR) return {};
+ReceiveStatus SocketCanBus::State::status_of(int error) noexcept {
+  if (error == EAGAIN || error == EWOULDBLOCK || error == EINTR) return ReceiveStatus::kTimeout;
   last_error.store(error, std::memory_order_relaxed);
-  if (error == ENODEV || error == ENXIO) is_gone = true;
-  const bool is_down = is_gone || error == ENETDOWN;
-  return {is_down ? ReceiveStatus::kDown : ReceiveStatus::kError, 0};
+  if (!is_outage(error)) return ReceiveStatus::kError;
+  begin_outage();
+  return take_outage() ? ReceiveStatus::kDown : ReceiveStatus::kTimeout;
+}
+
+bool SocketCanBus::State::take_outage() noexcept {
+  const std::uint64_t outages = counters.outages.load(std::memory_order_acquire);
+  if (outages == reported_outages) return false;
+  reported_outages = outages;
+  return true;
 }
 
 void SocketCanBus::State::account_drops(std::uint32_t total) noexcept {
@@ -329,31 +194,61 @@ void SocketCanBus::State::account_drops(std::uint32_t total) noexcept {
   counters.dropped.add(since_last);
 }
 
+void SocketCanBus::State::begin_outage() noexcept {
+  if (is_up.exchange(false)) counters.outages.fetch_add(1, std::memory_order_release);
+}
+
+bool SocketCanBus::State::try_return() noexcept {
+  const std::lock_guard lock(set_up_mutex);
+  if (is_up.load()) return true;
+  // The kernel's note of this outage may still lie there, if the other thread noticed it. It is
+  // taken away before the look at the interface, so that the note of a next outage is not.
+  discard_error();
+  const InterfaceState interface = read_interface(interface_name);
+  if (!interface.is_can || !interface.is_up) return false;
+  if (bound_interface(socket) != interface.index && !rebind(interface.index)) return false;
+  is_up.store(true);
+  return true;
+}
+
+void SocketCanBus::State::discard_error() noexcept {
+  int noted = 0;
+  socklen_t size = sizeof noted;
+  static_cast<void>(::getsockopt(socket.fd(), SOL_SOCKET, SO_ERROR, &noted, &size));
+}
+
+bool SocketCanBus::State::rebind(int interface_index) noexcept {
+  // Removal of the interface unbound the socket and dropped its filters.
+  if (set_kernel_filters(socket, filters) &&
+      ::setsockopt(socket.fd(), SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &error_mask, sizeof error_mask) ==
+          0) {
+    // The removal may have been noted only after the first look; unbound, nothing new is.
+    discard_error();
+    if (bind_to_interface(socket, interface_index)) return true;
+  }
+  last_error.store(errno, std::memory_order_relaxed);
+  return false;
+}
+
 bool SocketCanBus::State::write_batch(std::size_t count) noexcept {
-  std::optional<std::chrono::steady_clock::time_point> give_up;
+  const auto patience = is_stuck ? std::chrono::milliseconds(0) : kLongestSendWait;
   for (std::size_t next = 0; next < count;) {
-    const int written = ::sendmmsg(socket.fd(), outgoing.headers.data() + next,
-                                   static_cast<unsigned>(count - next), MSG_DONTWAIT);
-    if (written > 0) {
-      next += static_cast<std::size_t>(written);
-      counters.sent.add(static_cast<std::uint64_t>(written));
-      give_up.reset();
-      continue;
-    }
-    const int error = errno;
-    if (error == EINTR) continue;
-    if (!is_queue_full(error)) {
-      last_error.store(error, std::memory_order_relaxed);
-      ++next;  // this one is refused; the frames behind it may be good
-      continue;
-    }
-    const auto now = std::chrono::steady_clock::now();
-    if (!give_up) give_up = now + kLongestSendWait;
-    if (now >= *give_up) {
-      last_error.store(error, std::memory_order_relaxed);
+    const WriteResult written = write_datagrams(
+        socket.fd(), std::span(outgoing.headers).first(count).subspan(next), patience);
+    next += written.count;
+    counters.sent.add(written.count);
+    if (written.count > 0) is_stuck = false;
+    if (written.error == 0) break;
+    last_error.store(written.error, std::memory_order_relaxed);
+    if (is_outage(written.error)) {
+      begin_outage();
       return false;
     }
-    std::this_thread::sleep_for(kSendRetryPause);
+    if (is_queue_full(written.error)) {
+      is_stuck = true;
+      return false;
+    }
+    ++next;  // this one is refused; the frames behind it may be good
   }
   return true;
 }
@@ -368,15 +263,16 @@ bool SocketCanBus::send(const CanFrame& frame) noexcept { return send_batch({&fr
 std::size_t SocketCanBus::send_batch(std::span<const CanFrame> frames) noexcept {
   State& state = *state_;
   const std::uint64_t sent_before = state.counters.sent.value();
-  bool has_room = true;
-  for (std::size_t next = 0; next < frames.size() && has_room;) {
+  bool can_go_on = state.is_up.load(std::memory_order_relaxed) || state.try_return();
+  for (std::size_t next = 0; next < frames.size() && can_go_on;) {
     std::size_t filled = 0;
     for (; next < frames.size() && filled < kBatch; ++next) {
       if (!is_well_formed(frames[next])) continue;
-      state.outgoing.vectors[filled].iov_len = to_wire(frames[next], state.outgoing.frames[filled]);
+      state.outgoing.vectors[filled].iov_len =
+          to_wire(frames[next], state.outgoing.buffers[filled]);
       ++filled;
     }
-    has_room = state.write_batch(filled);
+    can_go_on = state.write_batch(filled);
   }
   const std::size_t taken = state.counters.sent.value() - sent_before;
   state.counters.send_errors.add(frames.size() - taken);
@@ -385,35 +281,54 @@ std::size_t SocketCanBus::send_batch(std::span<const CanFrame> frames) noexcept 
 
 ReceiveResult SocketCanBus::receive(std::span<CanFrame> out,
                                     std::chrono::nanoseconds timeout) noexcept {
+  using std::chrono::steady_clock;
   State& state = *state_;
   if (out.empty()) return {};
-  if (state.is_gone) return {ReceiveStatus::kDown, 0};
-  if (timeout > std::chrono::nanoseconds::zero()) {
-    const int ready = state.wait_readable(timeout);
-    if (ready == 0) return {};
-    if (ready < 0) return state.report(errno);
+  if (state.take_outage()) return {ReceiveStatus::kDown, 0};
+  if (state.is_up.load(std::memory_order_relaxed)) {
+    if (timeout > std::chrono::nanoseconds::zero()) {
+      const int ready = wait_readable(state.socket.fd(), timeout);
+      if (ready == 0) return {};
+      if (ready < 0) return {state.status_of(errno), 0};
+    }
+    const ReceiveResult result = state.read_batch(out);
+    // The wait may have been for nothing because the sending thread took the kernel's note away.
+    if (result.status == ReceiveStatus::kTimeout && state.take_outage()) {
+      return {ReceiveStatus::kDown, 0};
+    }
+    return result;
   }
-  return state.read_batch(out);
+  // An outage: what was queued before it, then the interface's return.
+  const auto deadline =
+      steady_clock::now() + std::min<std::chrono::nanoseconds>(timeout, kLongestWait);
+  for (;;) {
+    state.try_return();
+    const ReceiveResult result = state.read_batch(out);
+    if (result.status != ReceiveStatus::kTimeout) return result;
+    const std::chrono::nanoseconds left = deadline - steady_clock::now();
+    if (left <= std::chrono::nanoseconds::zero()) return {};
+    const bool is_up = state.is_up.load(std::memory_order_relaxed);
+    const int ready = wait_readable(
+        state.socket.fd(), is_up ? left : std::min<std::chrono::nanoseconds>(left, kReturnPoll));
+    if (ready < 0) return {state.status_of(errno), 0};
+  }
 }
 
 void SocketCanBus::set_filters(std::span<const IdFilter> filters) {
-  std::vector<can_filter> kernel_filters;
-  for (const IdFilter& filter : filters) {
-    const canid_t format = filter.is_extended ? CAN_EFF_FLAG : 0u;
-    const canid_t bits = filter.is_extended ? CAN_EFF_MASK : CAN_SFF_MASK;
-    kernel_filters.push_back({filter.id | format, bits | CAN_EFF_FLAG});
-  }
-  if (kernel_filters.empty()) kernel_filters.push_back({0, 0});
-  if (::setsockopt(state_->socket.fd(), SOL_CAN_RAW, CAN_RAW_FILTER, kernel_filters.data(),
-                   static_cast<socklen_t>(kernel_filters.size() * sizeof(can_filter))) != 0) {
-    throw BusError(state_->bus_name + ": cannot set " + std::to_string(filters.size()) +
+  State& state = *state_;
+  std::vector<can_filter> wanted = kernel_filters(filters);
+  const std::lock_guard lock(state.set_up_mutex);
+  if (!set_kernel_filters(state.socket, wanted)) {
+    throw BusError(state.bus_name + ": cannot set " + std::to_string(filters.size()) +
                    " filters (the kernel takes up to " + std::to_string(CAN_RAW_FILTER_MAX) +
-                   "): " + reason(errno));
+                   "): " + errno_text(errno));
   }
+  state.filters = std::move(wanted);
 }
 
 int SocketCanBus::readiness_fd() const noexcept { return state_->socket.fd(); }
 BusCounters SocketCanBus::counters() const noexcept { return state_->counters.snapshot(); }
+bool SocketCanBus::is_up() const noexcept { return state_->is_up.load(std::memory_order_relaxed); }
 int SocketCanBus::last_error() const noexcept {
   return state_->last_error.load(std::memory_order_relaxed);
 }

@@ -22,12 +22,19 @@ struct SocketCanOptions {
 ///
 /// Reads with recvmmsg: kernel receive stamps (SO_TIMESTAMPNS) and the drop counter (SO_RXQ_OVFL)
 /// come from the same call. The kernel reports drops with the next frame that it does deliver, so
-/// `dropped` lags until then. Writes with sendmsg or sendmmsg; where the interface's queue is full
-/// (ENOBUFS) a send waits up to kLongestSendWait, then counts a send error.
+/// `dropped` lags until then. `receive` with a timeout makes two system calls, poll and recvmmsg;
+/// without, recvmmsg alone.
 ///
-/// `receive` with a timeout makes two system calls, poll and recvmmsg; without, recvmmsg alone.
-/// When the interface goes down `receive` says kDown once, and works again when it is up; when the
-/// interface is gone, every `receive` says kDown.
+/// Writes with sendmmsg. Where the interface's queue is full (ENOBUFS) a send waits until nothing
+/// has moved for kLongestSendWait; nothing is lost, doubled or reordered by waiting. What is still
+/// unsent then counts as send errors, and sends fail at once from then on until one gets through
+/// (a controller that is bus-off or alone on its bus takes nothing).
+///
+/// An outage, the interface down or removed, is survived: `receive` says kDown once (also of an
+/// outage that was over before anybody looked, or that `send` noticed), then waits for the
+/// interface's return as it waits for frames. When an interface of that name is up again, a new one
+/// or the old, filters and error mask are set anew and frames flow. Frames that were queued before
+/// the outage are kept. Sends during it fail at once.
 class SocketCanBus final : public CanBus {
  public:
   /// Frames read or written in one system call at most.
@@ -50,6 +57,7 @@ class SocketCanBus final : public CanBus {
   void set_filters(std::span<const IdFilter> filters) override;
   [[nodiscard]] int readiness_fd() const noexcept override;
   [[nodiscard]] BusCounters counters() const noexcept override;
+  [[nodiscard]] bool is_up() const noexcept override;
   [[nodiscard]] int last_error() const noexcept override;
   [[nodiscard]] std::string name() const override;
 

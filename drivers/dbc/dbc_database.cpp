@@ -39,6 +39,13 @@ const DbcMessage* DbcDatabase::find_message(std::string_view message_name) const
   return find_by_name(messages, message_name);
 }
 
+const DbcMessage* DbcDatabase::find_message(std::uint32_t id, bool is_extended) const noexcept {
+  const auto found = std::find_if(messages.begin(), messages.end(), [&](const DbcMessage& message) {
+    return message.id == id && message.is_extended == is_extended;
+  });
+  return found == messages.end() ? nullptr : &*found;
+}
+
 const DbcAttributeValue* DbcDatabase::attribute_of(const DbcMessage& message,
                                                    std::string_view name) const noexcept {
   return find_value(message.attributes, default_attributes, name);

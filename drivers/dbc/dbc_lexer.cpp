@@ -1,196 +1,312 @@
 #include "drivers/dbc/dbc_lexer.h"
 
 #include <algorithm>
-
-#include <fmt/format.h>
-
-#include "drivers/dbc/dbc_parser.h"
+#include <array>
+#include <cstring>
 
 namespace faultline {
 namespace {
 
-/// A message shows this much of a long token.
-constexpr std::size_t kShownBytes = 40;
-
 // Not <cctype>: that depends on the locale.
-bool is_digit(char c) noexcept { return c >= '0' && c <= '9'; }
-bool is_letter(char c) noexcept { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
-bool is_identifier_start(char c) noexcept { return is_letter(c) || c == '_'; }
-bool is_identifier_part(char c) noexcept { return is_identifier_start(c) || is_digit(c); }
-bool is_blank(char c) noexcept {
-  return c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '\f' || c == '\v';
+enum CharacterClass : std::uint8_t {
+  kBlank = 1,
+  kLineEnd = 2,
+  kDigit = 4,
+  kLetter = 8,       ///< and `_`
+  kNoName = 16,      ///< ends a name
+  kStringMark = 32,  ///< needs a look inside a string
+};
+
+constexpr std::array<std::uint8_t, 256> make_classes() {
+  std::array<std::uint8_t, 256> classes{};
+  for (int c = 0; c <= ' '; ++c) classes[static_cast<std::size_t>(c)] = kNoName;
+  // 0x1A: the end of the file in old DOS tools.
+  for (const char c : std::string_view(" \t\f\v\x1A")) {
+    classes[static_cast<std::size_t>(c)] |= kBlank;
+  }
+  for (const char c : std::string_view("\n\r")) {
+    classes[static_cast<std::size_t>(c)] |= kLineEnd | kStringMark;
+  }
+  for (int c = '0'; c <= '9'; ++c) classes[static_cast<std::size_t>(c)] = kDigit;
+  for (int c = 'a'; c <= 'z'; ++c) classes[static_cast<std::size_t>(c)] = kLetter;
+  for (int c = 'A'; c <= 'Z'; ++c) classes[static_cast<std::size_t>(c)] = kLetter;
+  classes['_'] = kLetter;
+  for (const char c : std::string_view(":;,\"|@()[]\x7F")) {
+    classes[static_cast<std::size_t>(c)] |= kNoName;
+  }
+  for (const char c : std::string_view("\"\\")) classes[static_cast<std::size_t>(c)] |= kStringMark;
+  for (std::size_t c = 0x80; c < 256; ++c) classes[c] |= kStringMark;
+  return classes;
+}
+
+constexpr std::array<std::uint8_t, 256> kClasses = make_classes();
+
+bool is(char c, int classes) noexcept {
+  return (kClasses[static_cast<unsigned char>(c)] & classes) != 0;
 }
 bool is_sign(char c) noexcept { return c == '+' || c == '-'; }
 
-/// Length of the UTF-8 sequence that `first` starts; 0 if it can start none.
-std::size_t utf8_length(unsigned char first) noexcept {
-  if (first < 0x80) return 1;
-  if (first >= 0xC2 && first <= 0xDF) return 2;
-  if (first >= 0xE0 && first <= 0xEF) return 3;
-  if (first >= 0xF0 && first <= 0xF4) return 4;
-  return 0;
+struct Keyword {
+  std::string_view text;
+  DbcSection section;
+};
+
+// The most frequent first.
+constexpr Keyword kKeywords[] = {
+    {"SG_", DbcSection::kSignal},
+    {"BA_", DbcSection::kAttribute},
+    {"CM_", DbcSection::kComment},
+    {"VAL_", DbcSection::kValueNames},
+    {"BO_", DbcSection::kMessage},
+    {"SIG_VALTYPE_", DbcSection::kSignalType},
+    {"SG_MUL_VAL_", DbcSection::kMultiplexing},
+    {"BA_DEF_", DbcSection::kAttributeDefinition},
+    {"BA_DEF_DEF_", DbcSection::kAttributeDefault},
+    {"VAL_TABLE_", DbcSection::kValueTable},
+    {"SIG_GROUP_", DbcSection::kSignalGroup},
+    {"BO_TX_BU_", DbcSection::kTransmitters},
+    {"EV_", DbcSection::kEnvironmentVariable},
+    {"BU_", DbcSection::kNodes},
+    {"BS_", DbcSection::kBusTiming},
+    {"NS_", DbcSection::kNewSymbols},
+    {"VERSION", DbcSection::kVersion},
+    {"BA_DEF_REL_", DbcSection::kUnread},
+    {"BA_REL_", DbcSection::kUnread},
+    {"BA_DEF_DEF_REL_", DbcSection::kUnread},
+    {"BU_SG_REL_", DbcSection::kUnread},
+    {"BU_EV_REL_", DbcSection::kUnread},
+    {"BU_BO_REL_", DbcSection::kUnread},
+    {"ENVVAR_DATA_", DbcSection::kUnread},
+    {"EV_DATA_", DbcSection::kUnread},
+    {"SGTYPE_", DbcSection::kUnread},
+    {"SGTYPE_VAL_", DbcSection::kUnread},
+    {"SIG_TYPE_REF_", DbcSection::kUnread},
+    {"SIGTYPE_VALTYPE_", DbcSection::kUnread},
+    {"BA_DEF_SGTYPE_", DbcSection::kUnread},
+    {"BA_SGTYPE_", DbcSection::kUnread},
+    {"CAT_DEF_", DbcSection::kUnread},
+    {"CAT_", DbcSection::kUnread},
+    {"NS_DESC_", DbcSection::kUnread},
+    {"FILTER", DbcSection::kUnread},
+};
+
+}  // namespace
+
+DbcSection find_section(std::string_view keyword) noexcept {
+  if (keyword.size() < 3) return DbcSection::kNone;
+  for (const Keyword& known : kKeywords) {
+    if (is_same_word(keyword, known.text)) return known.section;
+  }
+  return DbcSection::kNone;
 }
 
-/// True if the bytes form UTF-8: no stray byte, no overlong form, no surrogate (RFC 3629).
-bool is_utf8(std::string_view text) noexcept {
-  for (std::size_t n = 0; n < text.size();) {
-    const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[n + k]); };
-    const std::size_t length = utf8_length(byte(0));
-    if (length == 0 || n + length > text.size()) return false;
-    for (std::size_t k = 1; k < length; ++k) {
-      if ((byte(k) & 0xC0) != 0x80) return false;
+DbcLexer::DbcLexer(std::string_view text) noexcept
+    : cursor_(text.data()),
+      end_(text.data() + text.size()),
+      line_begin_(text.data()),
+      vain_bytes_left_(text.size()) {
+  constexpr std::string_view kUtf8Mark = "\xEF\xBB\xBF";
+  if (text.starts_with(kUtf8Mark)) cursor_ = line_begin_ = cursor_ + kUtf8Mark.size();
+  scan();
+  token_.starts_line = true;
+}
+
+DbcToken DbcLexer::take_name() noexcept {
+  DbcToken name = token_;
+  const char* const from = name.text.data();
+  // What identifiers and numbers are made of may stand in names.
+  const bool is_word = name.kind != DbcTokenKind::kPunctuation;
+  const char* to = is_word ? from + name.text.size() : from;
+  while (to != end_ && !is(*to, kNoName)) {
+    if (to[0] == '/' && to + 1 != end_ && to[1] == '/') break;
+    ++to;
+  }
+  if (to == from) to = from + name.text.size();
+  name.text = {from, static_cast<std::size_t>(to - from)};
+  cursor_ = to;
+  scan();
+  return name;
+}
+
+[[gnu::always_inline]] inline void DbcLexer::skip_blanks() noexcept {
+  const char* at = cursor_;
+  for (; at != end_; ++at) {
+    const char c = *at;
+    if (is(c, kBlank)) continue;
+    if (is(c, kLineEnd)) {
+      if (c == '\r' && at + 1 != end_ && at[1] == '\n') ++at;
+      ++line_;
+      line_begin_ = at + 1;
+      token_.starts_line = true;
+    } else if (c == '/' && at + 1 != end_ && at[1] == '/') {
+      while (at + 1 != end_ && !is(at[1], kLineEnd)) ++at;
+    } else {
+      break;
     }
-    const bool is_overlong =
-        (byte(0) == 0xE0 && byte(1) < 0xA0) || (byte(0) == 0xF0 && byte(1) < 0x90);
-    const bool is_outside =
-        (byte(0) == 0xED && byte(1) >= 0xA0) || (byte(0) == 0xF4 && byte(1) >= 0x90);
-    if (is_overlong || is_outside) return false;
-    n += length;
+  }
+  cursor_ = at;
+}
+
+/// End of the number that begins at `from`; `from` if none does.
+const char* DbcLexer::end_of_number(const char* from) const noexcept {
+  const auto skip_digits = [this](const char* at) {
+    while (at != end_ && is(*at, kDigit)) ++at;
+    return at;
+  };
+  const char* at = from;
+  if (is_sign(*at)) ++at;
+  const char* const digits = at;
+  at = skip_digits(at);
+  std::ptrdiff_t digit_count = at - digits;
+  if (at != end_ && *at == '.') {
+    const char* const fraction = at + 1;
+    at = skip_digits(fraction);
+    digit_count += at - fraction;
+  }
+  if (digit_count == 0) return from;
+  if (at != end_ && *at == '#') {  // "1.#IND", "1.#INF": how Microsoft's library wrote them
+    ++at;
+    while (at != end_ && is(*at, kLetter | kDigit)) ++at;
+    return at;
+  }
+  if (at != end_ && (*at == 'e' || *at == 'E')) {
+    const char* exponent = at + 1;
+    if (exponent != end_ && is_sign(*exponent)) ++exponent;
+    const char* const exponent_end = skip_digits(exponent);
+    if (exponent_end != exponent) at = exponent_end;
+  }
+  return at;
+}
+
+void DbcLexer::scan() noexcept {
+  token_.starts_line = false;
+  skip_blanks();
+  token_.position.line = line_;
+  token_.position.column = static_cast<int>(cursor_ - line_begin_) + 1;
+  const char* const from = cursor_;
+  if (from == end_) {
+    token_.kind = DbcTokenKind::kEnd;
+    token_.text = {end_, 0};
+    token_.starts_line = true;
+    return;
+  }
+  const char first = *from;
+  const char* to = from + 1;
+  if (is(first, kLetter)) {
+    token_.kind = DbcTokenKind::kIdentifier;
+    while (to != end_ && is(*to, kLetter | kDigit)) ++to;
+  } else if (is(first, kDigit) || is_sign(first) || first == '.') {
+    const char* const number_end = end_of_number(from);
+    if (number_end == from) {
+      token_.kind = DbcTokenKind::kPunctuation;
+    } else if (is(first, kDigit) && number_end != end_ && is(*number_end, kLetter)) {
+      token_.kind = DbcTokenKind::kIdentifier;  // "1st_Gear"
+      while (to != end_ && is(*to, kLetter | kDigit)) ++to;
+    } else {
+      token_.kind = DbcTokenKind::kNumber;
+      to = number_end;
+    }
+  } else if (first == '"') {
+    token_.kind = DbcTokenKind::kString;
+    token_.text = {from, static_cast<std::size_t>(end_ - from)};
+    cursor_ = to;
+    return;
+  } else {
+    token_.kind = DbcTokenKind::kPunctuation;
+  }
+  token_.text = {from, static_cast<std::size_t>(to - from)};
+  cursor_ = to;
+}
+
+/// True if the line that begins at `line` looks like the start of a statement.
+bool DbcLexer::begins_statement(const char* line) const noexcept {
+  while (line != end_ && is(*line, kBlank)) ++line;
+  const char* to = line;
+  while (to != end_ && is(*to, kLetter)) ++to;
+  if (to == line || to == end_ || !(is(*to, kBlank) || *to == ':' || *to == '"')) return false;
+  return find_section({line, static_cast<std::size_t>(to - line)}) != DbcSection::kNone;
+}
+
+/// True if a comment may end at `quote`: a semicolon, a new statement or nothing follows.
+bool DbcLexer::is_comment_end(const char* quote) const noexcept {
+  for (const char* at = quote + 1; at != end_; ++at) {
+    if (*at == ';') return true;
+    if (is(*at, kLineEnd)) {
+      if (begins_statement(at + 1)) return true;
+    } else if (!is(*at, kBlank)) {
+      return false;
+    }
   }
   return true;
 }
 
-std::string latin1_to_utf8(std::string_view text) {
-  std::string utf8;
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (byte < 0x80) {
-      utf8 += c;
+/// Moves to `to` within a string, counting its lines, and scans the token behind.
+void DbcLexer::move_to(const char* to, bool has_lines) noexcept {
+  if (!has_lines) cursor_ = to;
+  for (; cursor_ != to; ++cursor_) {
+    const char c = *cursor_;
+    if (!is(c, kLineEnd)) continue;
+    if (c == '\r' && cursor_ + 1 != end_ && cursor_[1] == '\n') continue;
+    ++line_;
+    line_begin_ = cursor_ + 1;
+  }
+  scan();
+}
+
+DbcString DbcLexer::take_string(DbcQuoting quoting) noexcept {
+  DbcString string;
+  string.position = token_.position;
+  const char* const from = cursor_;
+  const char* line_end = nullptr;   // of the string's first line
+  const char* statement = nullptr;  // end of the line before the first that looks like one
+  const char* closing = nullptr;
+  const char* at = from;
+  for (; at != end_; ++at) {
+    const char c = *at;
+    if (!is(c, kStringMark)) continue;
+    if (c == '"') {
+      if (quoting == DbcQuoting::kComment ? is_comment_end(at)
+                                          : at + 1 == end_ || at[1] != '"' ||
+                                                (at == from && (at + 2 == end_ || at[2] != '"'))) {
+        closing = at;
+        break;
+      }
+      // A quote that is none of ours, behind a line that looks like a statement: we are in it.
+      if (statement != nullptr) break;
+      string.has_marks = true;
+      if (at + 1 != end_ && at[1] == '"' && quoting == DbcQuoting::kPlain) ++at;
+    } else if (c == '\\') {
+      string.has_marks = true;
+      if (at + 1 != end_ && (at[1] == '"' || at[1] == '\\')) ++at;
+    } else if (is(c, kLineEnd)) {
+      if (c == '\r' && at + 1 != end_ && at[1] == '\n') continue;
+      if (line_end == nullptr) line_end = at;
+      if (vain_bytes_left_ == 0) break;
+      if (statement == nullptr && begins_statement(at + 1)) statement = at;
     } else {
-      utf8 += static_cast<char>(0xC0 | (byte >> 6));
-      utf8 += static_cast<char>(0x80 | (byte & 0x3F));
+      string.has_high_bytes = true;
     }
   }
-  return utf8;
-}
-
-std::string to_utf8(std::string_view text) {
-  return is_utf8(text) ? std::string(text) : latin1_to_utf8(text);
-}
-
-std::string shortened(std::string_view text) {
-  if (text.size() <= kShownBytes) return to_utf8(text);
-  return to_utf8(text.substr(0, kShownBytes)) + "...";
-}
-
-}  // namespace
-
-DbcLexer::DbcLexer(std::string_view text, const std::string& source)
-    : rest_(text), source_(&source) {
-  constexpr std::string_view kUtf8Mark = "\xEF\xBB\xBF";
-  if (rest_.starts_with(kUtf8Mark)) rest_.remove_prefix(kUtf8Mark.size());
-  token_ = scan();
-}
-
-DbcToken DbcLexer::take() {
-  const DbcToken taken = token_;
-  previous_line_ = position_.line;
-  token_ = scan();
-  return taken;
-}
-
-char DbcLexer::at(std::size_t offset) const noexcept {
-  return offset < rest_.size() ? rest_[offset] : '\0';
-}
-
-void DbcLexer::advance(std::size_t bytes) noexcept {
-  for (std::size_t n = 0; n < bytes; ++n) {
-    if (rest_[n] == '\n') {
-      ++position_.line;
-      position_.column = 1;
-    } else {
-      ++position_.column;
-    }
+  // Plain strings hardly ever have several lines: one with a statement within has lost its quote.
+  if (closing != nullptr && statement != nullptr && quoting == DbcQuoting::kPlain) {
+    closing = nullptr;
   }
-  rest_.remove_prefix(bytes);
-}
-
-void DbcLexer::skip_blanks() noexcept {
-  std::size_t blanks = 0;
-  while (blanks < rest_.size() && is_blank(rest_[blanks])) ++blanks;
-  advance(blanks);
-}
-
-std::size_t DbcLexer::number_length() const noexcept {
-  std::size_t length = is_sign(at(0)) ? 1 : 0;
-  const std::size_t digits_from = length;
-  while (is_digit(at(length)) || at(length) == '.') ++length;
-  if (length == digits_from ||
-      !std::any_of(rest_.begin() + static_cast<std::ptrdiff_t>(digits_from),
-                   rest_.begin() + static_cast<std::ptrdiff_t>(length), is_digit)) {
-    return 0;
+  if (closing != nullptr) {
+    string.text = {from, static_cast<std::size_t>(closing - from)};
+    move_to(closing + 1, line_end != nullptr);
+    return string;
   }
-  if (at(length) == 'e' || at(length) == 'E') {
-    const std::size_t exponent_from = length + (is_sign(at(length + 1)) ? 2 : 1);
-    std::size_t exponent_to = exponent_from;
-    while (is_digit(at(exponent_to))) ++exponent_to;
-    if (exponent_to > exponent_from) length = exponent_to;
-  }
-  return length;
-}
-
-DbcToken DbcLexer::scan() {
-  skip_blanks();
-  if (rest_.empty()) return {DbcTokenKind::kEnd, {}, position_};
-  if (rest_.front() == '"') return scan_string();
-  DbcToken token{DbcTokenKind::kPunctuation, {}, position_};
-  std::size_t length = number_length();
-  if (length > 0) {
-    token.kind = DbcTokenKind::kNumber;
-  } else if (is_identifier_start(rest_.front())) {
-    token.kind = DbcTokenKind::kIdentifier;
-    while (is_identifier_part(at(length))) ++length;
-  } else {
-    length = 1;
-  }
-  token.text = rest_.substr(0, length);
-  advance(length);
-  return token;
-}
-
-DbcToken DbcLexer::scan_string() {
-  DbcToken token{DbcTokenKind::kString, {}, position_};
-  std::size_t end = 1;
-  while (end < rest_.size() && rest_[end] != '"') {
-    const bool is_escape = rest_[end] == '\\' && (at(end + 1) == '"' || at(end + 1) == '\\');
-    end += is_escape ? 2 : 1;
-  }
-  if (end >= rest_.size()) {
-    throw DbcError(*source_, position_, "found a string without end, expected a closing \"");
-  }
-  token.text = rest_.substr(1, end - 1);
-  advance(end + 1);
-  return token;
-}
-
-std::string describe(const DbcToken& token) {
-  switch (token.kind) {
-    case DbcTokenKind::kEnd:
-      return "the end of the file";
-    case DbcTokenKind::kNumber:
-      return fmt::format("number {}", shortened(token.text));
-    case DbcTokenKind::kString:
-      return fmt::format("string \"{}\"", shortened(token.text));
-    case DbcTokenKind::kIdentifier:
-      return fmt::format("\"{}\"", shortened(token.text));
-    case DbcTokenKind::kPunctuation:
-      break;
-  }
-  const auto byte = static_cast<unsigned char>(token.text.front());
-  if (byte <= 0x20 || byte >= 0x7F) return fmt::format("byte 0x{:02X}", byte);
-  return fmt::format("\"{}\"", token.text);
-}
-
-std::string string_value(const DbcToken& token) {
-  std::string unescaped;
-  unescaped.reserve(token.text.size());
-  for (std::size_t n = 0; n < token.text.size(); ++n) {
-    const bool is_escape = token.text[n] == '\\' && n + 1 < token.text.size() &&
-                           (token.text[n + 1] == '"' || token.text[n + 1] == '\\');
-    if (is_escape) ++n;
-    unescaped += token.text[n];
-  }
-  return to_utf8(unescaped);
+  string.is_terminated = false;
+  const char* cut = quoting == DbcQuoting::kComment ? statement : line_end;
+  if (cut == nullptr) cut = line_end != nullptr && at == end_ ? line_end : at;
+  vain_bytes_left_ -= std::min(vain_bytes_left_, static_cast<std::size_t>(at - cut));
+  const char* text_end = cut;
+  while (text_end != from && is(text_end[-1], kBlank | kLineEnd)) --text_end;
+  if (text_end != from && text_end[-1] == ';') --text_end;
+  if (text_end != from && text_end[-1] == '"') --text_end;  // "...\";": a path's last backslash
+  string.text = {from, static_cast<std::size_t>(text_end - from)};
+  move_to(cut, true);
+  return string;
 }
 
 }  // namespace faultline

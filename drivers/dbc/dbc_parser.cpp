@@ -1,640 +1,509 @@
 #include "drivers/dbc/dbc_parser.h"
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <fstream>
-#include <iterator>
-#include <limits>
-#include <map>
-#include <optional>
-#include <set>
+#include <cstdio>
+#include <functional>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <system_error>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
 #include <fmt/format.h>
 
-#include "drivers/dbc/dbc_lexer.h"
+#include "drivers/dbc/dbc_parse.h"
 
 namespace faultline {
 namespace {
 
-constexpr std::uint32_t kExtendedIdFlag = 0x8000'0000;
-constexpr std::uint32_t kMaxStandardDbcId = 0x7FF;
-constexpr std::uint32_t kMaxExtendedDbcId = 0x1FFF'FFFF;
-/// Identifier of the pseudo message in which tools keep signals that belong to no message.
-constexpr std::uint32_t kIndependentSignalsId = 0xC000'0000;
 constexpr std::uint16_t kMaxFramePayload = 64;
 constexpr std::uint16_t kMaxSignalBits = 64;
+/// A NUL among so many bytes at the beginning: no text.
+constexpr std::size_t kLookForNul = 4096;
 
-bool is_word(const DbcToken& token, std::string_view word) noexcept {
-  return token.kind == DbcTokenKind::kIdentifier && token.text == word;
-}
+std::string name_for_people(const std::string& name) { return shown(name); }
 
-bool is_punctuation(const DbcToken& token, char character) noexcept {
-  return token.kind == DbcTokenKind::kPunctuation && token.text.front() == character;
-}
-
-/// from_chars knows no plus sign.
-std::string_view without_plus(std::string_view number) noexcept {
-  if (number.starts_with('+')) number.remove_prefix(1);
-  return number;
-}
-
-/// The token's number, if a T holds it.
-template <class T>
-std::optional<T> to_number(const DbcToken& token) noexcept {
-  if (token.kind != DbcTokenKind::kNumber) return std::nullopt;
-  const std::string_view text = without_plus(token.text);
-  T value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
-/// The token's number if it is whole, also when written "1.0" or "1e3".
-std::optional<std::int64_t> to_whole_number(const DbcToken& token) noexcept {
-  if (const auto integer = to_number<std::int64_t>(token)) return integer;
-  const auto number = to_number<double>(token);
-  if (!number || std::abs(*number) >= 0x1p63 || *number != std::trunc(*number)) return std::nullopt;
-  return static_cast<std::int64_t>(*number);
-}
-
-/// A section keyword is in capitals and ends with an underscore.
-bool looks_like_section(std::string_view word) noexcept {
-  return word.size() > 1 && word.back() == '_' && std::all_of(word.begin(), word.end(), [](char c) {
-           return (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
-         });
-}
-
-enum class AttributeKind { kInteger, kFloat, kString, kEnumeration };
-
-struct AttributeDefinition {
-  AttributeKind kind = AttributeKind::kString;
-  std::vector<std::string> values;  ///< of an enumeration
-};
-
-/// Reads one text; use once.
-class DbcParser {
- public:
-  DbcParser(std::string_view text, const std::string& source) : lexer_(text, source) {
-    database_.source = source;
-  }
-
-  DbcDatabase parse() {
-    while (lexer_.peek().kind != DbcTokenKind::kEnd) parse_section();
-    return std::move(database_);
-  }
-
- private:
-  using Section = void (DbcParser::*)();
-  using SignalIndex = std::unordered_map<std::string, std::size_t>;  ///< by name
-
-  // Sections. Each is entered with its keyword taken.
-  static Section find_section(std::string_view keyword) noexcept;
-  void parse_section();
-  void parse_version();
-  void skip_new_symbols();
-  void skip_bus_timing();
-  void parse_nodes();
-  void parse_message();
-  void parse_signal(DbcMessage& message, SignalIndex& index);
-  void parse_signal_type();
-  void parse_value_names();
-  void parse_comment();
-  void parse_attribute_definition();
-  void parse_attribute_default();
-  void parse_attribute();
-  void skip_statement(const DbcToken& keyword);
-
-  // Parts of a signal.
-  void parse_multiplexing(DbcSignal& signal);
-  void parse_bit_layout(DbcSignal& signal);
-  void parse_scaling(DbcSignal& signal);
-  void parse_range(DbcSignal& signal);
-  void parse_receivers(DbcSignal& signal);
-  void check_extent(const DbcMessage& message, const DbcSignal& signal);
-
-  // Attributes.
-  AttributeDefinition parse_attribute_kind();
-  DbcAttributeValue parse_attribute_value(const std::string& name);
-  DbcAttributeValue enumeration_value(const AttributeDefinition& definition, const DbcToken& token);
-  DbcAttributeValue numeric_value(const AttributeDefinition& definition, const DbcToken& token);
-
-  // What a statement is about. nullptr, with a warning, if the file does not have it.
-  DbcMessage* parse_message_reference();
-  DbcSignal* parse_signal_reference();
-
-  // Tokens.
-  [[nodiscard]] bool is_on_same_line() const noexcept {
-    return lexer_.peek().position.line == lexer_.previous_line();
-  }
-  bool accept(char punctuation);
-  bool accept_word(std::string_view word);
-  DbcToken expect(DbcTokenKind kind, std::string_view expected);
-  void expect(char punctuation);
-  std::string expect_identifier(std::string_view expected);
-  std::string expect_string(std::string_view expected);
-  double expect_number(std::string_view expected);
-  template <class T>
-  T expect_integer(std::string_view expected);
-
-  [[noreturn]] void fail(const DbcToken& found, std::string_view expected) const;
-  void warn(DbcPosition position, std::string text);
-
-  DbcLexer lexer_;
-  DbcDatabase database_;
-  std::unordered_map<std::uint32_t, std::size_t> message_index_;  ///< by identifier as in the file
-  std::vector<SignalIndex> signal_index_;                         ///< by message
-  std::set<std::string, std::less<>> node_names_;
-  std::map<std::string, AttributeDefinition, std::less<>> definitions_;
-};
-
-DbcParser::Section DbcParser::find_section(std::string_view keyword) noexcept {
-  static constexpr std::array<std::pair<std::string_view, Section>, 11> kSections{{
-      {"VERSION", &DbcParser::parse_version},
-      {"NS_", &DbcParser::skip_new_symbols},
-      {"BS_", &DbcParser::skip_bus_timing},
-      {"BU_", &DbcParser::parse_nodes},
-      {"BO_", &DbcParser::parse_message},
-      {"SIG_VALTYPE_", &DbcParser::parse_signal_type},
-      {"VAL_", &DbcParser::parse_value_names},
-      {"CM_", &DbcParser::parse_comment},
-      {"BA_DEF_", &DbcParser::parse_attribute_definition},
-      {"BA_DEF_DEF_", &DbcParser::parse_attribute_default},
-      {"BA_", &DbcParser::parse_attribute},
-  }};
-  const auto found = std::find_if(kSections.begin(), kSections.end(),
-                                  [&](const auto& section) { return section.first == keyword; });
-  return found == kSections.end() ? nullptr : found->second;
-}
-
-void DbcParser::parse_section() {
-  if (accept(';')) return;
-  const DbcToken keyword = lexer_.peek();
-  if (keyword.kind != DbcTokenKind::kIdentifier) fail(keyword, "a section such as BO_");
-  if (const Section section = find_section(keyword.text)) {
-    lexer_.take();
-    (this->*section)();
-    return;
-  }
-  if (keyword.text == "SG_" || !looks_like_section(keyword.text)) {
-    fail(keyword, "a section such as BO_");
-  }
-  warn(keyword.position, fmt::format("section {} is not read", keyword.text));
-  lexer_.take();
-  skip_statement(keyword);
-}
-
-void DbcParser::skip_statement(const DbcToken& keyword) {
-  for (;;) {
-    const DbcToken token = lexer_.peek();
-    if (token.kind == DbcTokenKind::kEnd) {
-      fail(token, fmt::format("\";\" after {} of line {}", keyword.text, keyword.position.line));
-    }
-    // The start of another section ends a statement that lacks its semicolon.
-    const bool is_next_section = token.kind == DbcTokenKind::kIdentifier &&
-                                 token.position.column == 1 && find_section(token.text) != nullptr;
-    if (is_next_section) return;
-    lexer_.take();
-    if (is_punctuation(token, ';')) return;
-  }
-}
-
-void DbcParser::parse_version() { database_.version = expect_string("the version, a string"); }
-
-void DbcParser::skip_new_symbols() {
-  accept(':');
-  const auto begins_section = [this] {
-    const DbcToken& token = lexer_.peek();
-    if (is_word(token, "BS_") || is_word(token, "BU_") || is_word(token, "BO_")) return true;
-    DbcLexer ahead = lexer_;
-    ahead.take();
-    return ahead.peek().kind != DbcTokenKind::kIdentifier &&
-           ahead.peek().kind != DbcTokenKind::kEnd;
+/// True for a name as the format wants it: letters, digits and `_`, not beginning with a digit.
+bool is_c_identifier(std::string_view name) noexcept {
+  const auto is_letter = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
   };
-  while (lexer_.peek().kind == DbcTokenKind::kIdentifier && !begins_section()) lexer_.take();
+  return !name.empty() && is_letter(name.front()) &&
+         std::all_of(name.begin(), name.end(),
+                     [&](char c) { return is_letter(c) || (c >= '0' && c <= '9'); });
 }
 
-void DbcParser::skip_bus_timing() {
-  while (is_on_same_line() && lexer_.peek().kind != DbcTokenKind::kEnd) lexer_.take();
+bool expect_new_name(DbcParse& parse, std::string& name, std::string_view expected) {
+  const DbcToken token = parse.reader.peek();
+  std::string_view text;
+  if (!parse.reader.expect_name(text, expected)) return false;
+  const bool is_identifier_token = token.kind == DbcTokenKind::kIdentifier &&
+                                   text.size() == token.text.size() && text.front() > '9';
+  if (is_identifier_token || is_c_identifier(text)) {
+    name = text;
+    return true;
+  }
+  const DbcPosition position = token.position;
+  name = to_utf8(text);
+  parse.warnings.warn(position,
+                      "the name \"{}\" is no C identifier, and so not what the format allows",
+                      shown(text));
+  return true;
 }
 
-void DbcParser::parse_nodes() {
-  expect(':');
-  while (lexer_.peek().kind == DbcTokenKind::kIdentifier &&
-         (is_on_same_line() || lexer_.peek().position.column > 1)) {
-    const DbcToken token = lexer_.take();
-    std::string node(token.text);
-    if (!node_names_.insert(node).second) {
-      warn(token.position, fmt::format("node {} is listed twice", node));
+bool parse_version(DbcParse& parse) {
+  if (!parse.reader.expect_string(parse.database.version, "the version, a string")) return false;
+  parse.reader.accept(';');
+  return true;
+}
+
+/// True if the line on which the next token stands holds nothing but words in capitals.
+bool is_line_of_symbols(const DbcStatementReader& reader) {
+  DbcLexer ahead = reader.lexer();
+  do {
+    const DbcToken& token = ahead.peek();
+    const bool is_symbol = token.kind == DbcTokenKind::kIdentifier &&
+                           std::none_of(token.text.begin(), token.text.end(),
+                                        [](char c) { return c >= 'a' && c <= 'z'; });
+    if (!is_symbol) return false;
+    ahead.take();
+  } while (!ahead.peek().starts_line);
+  return true;
+}
+
+bool skip_new_symbols(DbcParse& parse) {
+  DbcStatementReader& reader = parse.reader;
+  reader.accept(':');
+  while (!reader.is_at_end() && !reader.peek().starts_line) reader.take();
+  while (!reader.is_at_end() && is_line_of_symbols(reader)) {
+    do {
+      reader.take();
+    } while (!reader.peek().starts_line);
+  }
+  return true;
+}
+
+bool skip_bus_timing(DbcParse& parse) {
+  DbcStatementReader& reader = parse.reader;
+  while (reader.peek().kind == DbcTokenKind::kNumber ||
+         reader.peek().kind == DbcTokenKind::kPunctuation) {
+    reader.take();
+  }
+  return true;
+}
+
+bool parse_nodes(DbcParse& parse) {
+  DbcStatementReader& reader = parse.reader;
+  if (!reader.expect(':')) return false;
+  DbcChunks<std::string> nodes;
+  const std::size_t first_new = parse.database.nodes.size();
+  while (reader.is_at_name()) {
+    const DbcToken token = reader.peek();
+    std::string node;
+    if (!expect_new_name(parse, node, "a node")) return false;
+    reader.accept(',');
+    const std::size_t hash = std::hash<std::string_view>{}(node);
+    const auto number = static_cast<std::uint32_t>(first_new + nodes.size());
+    const std::uint32_t before = parse.node_names.find(hash, [&](std::uint32_t n) {
+      return (n < first_new ? parse.database.nodes[n] : nodes[n - first_new]) == node;
+    });
+    if (before != kNoDbcItem) {
+      parse.warnings.warn(token.position, "node {} is listed twice", shown(node));
       continue;
     }
-    database_.nodes.push_back(std::move(node));
+    parse.node_names.insert(hash, number);
+    nodes.push_back(std::move(node));
   }
+  nodes.move_to(parse.database.nodes);
+  reader.accept(';');
+  return true;
 }
 
-void DbcParser::parse_message() {
-  DbcMessage message;
-  const DbcToken id_token = lexer_.peek();
-  const auto file_id = expect_integer<std::uint32_t>("a message identifier");
-  message.position = id_token.position;
-  message.is_extended = (file_id & kExtendedIdFlag) != 0;
-  message.id = file_id & ~kExtendedIdFlag;
-  const bool is_pseudo = file_id == kIndependentSignalsId;
-  if (!is_pseudo && message.id > (message.is_extended ? kMaxExtendedDbcId : kMaxStandardDbcId)) {
-    fail(id_token, fmt::format("an identifier up to {}, or up to {} with bit 31 set",
-                               kMaxStandardDbcId, kMaxExtendedDbcId));
-  }
-  message.name = expect_identifier("the message's name");
-  expect(':');
-  const DbcToken length_token = lexer_.peek();
-  message.length = expect_integer<std::uint16_t>("the message's length in bytes");
-  if (message.length > kMaxFramePayload) {
-    warn(length_token.position,
-         fmt::format("message {} has {} bytes, more than a frame carries ({})", message.name,
-                     message.length, kMaxFramePayload));
-  }
-  if (is_on_same_line() && lexer_.peek().kind == DbcTokenKind::kIdentifier) {
-    message.transmitter = lexer_.take().text;
-  }
-  SignalIndex index;
-  while (accept_word("SG_")) parse_signal(message, index);
-  if (is_pseudo) return;
-  if (!message_index_.emplace(file_id, database_.messages.size()).second) {
-    warn(message.position,
-         fmt::format("message identifier {} of {} is used before, by {}", file_id, message.name,
-                     database_.messages[message_index_[file_id]].name));
-  }
-  database_.messages.push_back(std::move(message));
-  signal_index_.push_back(std::move(index));
-}
-
-void DbcParser::parse_signal(DbcMessage& message, SignalIndex& index) {
-  DbcSignal signal;
-  signal.position = lexer_.peek().position;
-  signal.name = expect_identifier("the signal's name");
-  parse_multiplexing(signal);
-  expect(':');
-  parse_bit_layout(signal);
-  parse_scaling(signal);
-  parse_range(signal);
-  signal.unit = expect_string("the unit, a string");
-  parse_receivers(signal);
-  check_extent(message, signal);
-  if (!index.emplace(signal.name, message.signals.size()).second) {
-    warn(signal.position, fmt::format("message {} has two signals {}", message.name, signal.name));
-  }
-  message.signals.push_back(std::move(signal));
-}
-
-void DbcParser::parse_multiplexing(DbcSignal& signal) {
-  if (lexer_.peek().kind != DbcTokenKind::kIdentifier) return;
-  const DbcToken token = lexer_.take();
+bool parse_multiplexing_mark(DbcParse& parse, DbcSignal& signal) {
+  DbcStatementReader& reader = parse.reader;
+  if (reader.peek().kind != DbcTokenKind::kIdentifier) return true;
+  const DbcToken token = reader.take();
   std::string_view mark = token.text;
-  constexpr std::string_view kExpected = "\"M\", \"m<number>\" or \":\"";
   if (mark.ends_with('M')) {
     signal.is_multiplexer = true;
     mark.remove_suffix(1);
+    if (mark.empty()) return true;
   }
-  if (mark.empty()) return;
-  if (!mark.starts_with('m')) fail(token, kExpected);
-  mark.remove_prefix(1);
-  std::uint32_t value = 0;
-  const auto [end, error] = std::from_chars(mark.data(), mark.data() + mark.size(), value);
-  if (error != std::errc{} || end != mark.data() + mark.size()) fail(token, kExpected);
-  signal.multiplexer_value = value;
+  std::uint64_t value = 0;
+  const bool has_value = mark.size() > 1 && mark.front() == 'm';
+  const char* const end = mark.data() + mark.size();
+  if (!has_value || std::from_chars(mark.data() + 1, end, value).ptr != end) {
+    return reader.fail(token, "\"M\", \"m<number>\" or \":\"");
+  }
+  signal.multiplexer = kUnlinkedMultiplexer;
+  signal.multiplexer_ranges.push_back({value, value});
+  return true;
 }
 
-void DbcParser::parse_bit_layout(DbcSignal& signal) {
-  const DbcToken start_token = lexer_.peek();
-  signal.start_bit = expect_integer<std::uint16_t>("the start bit");
-  if (signal.start_bit >= 8 * kMaxFramePayload) {
-    fail(start_token, fmt::format("a start bit up to {}", 8 * kMaxFramePayload - 1));
+bool parse_bit_layout(DbcParse& parse, DbcSignal& signal) {
+  DbcStatementReader& reader = parse.reader;
+  if (!reader.expect_integer(signal.start_bit, "the start bit") || !reader.expect('|'))
+    return false;
+  if (!reader.expect_integer(signal.bit_count, "the number of bits") || !reader.expect('@')) {
+    return false;
   }
-  expect('|');
-  const DbcToken count_token = lexer_.peek();
-  signal.bit_count = expect_integer<std::uint16_t>("the number of bits");
-  if (signal.bit_count < 1 || signal.bit_count > kMaxSignalBits) {
-    fail(count_token, fmt::format("1 to {} bits", kMaxSignalBits));
+  const DbcToken& order = reader.peek();
+  const char digit = order.text.size() == 1 ? order.text.front() : ' ';
+  if (digit != '0' && digit != '1') {
+    return reader.fail(order, "the byte order, 1 (Intel) or 0 (Motorola)");
   }
-  expect('@');
-  const DbcToken order_token = lexer_.take();
-  // "@1+" and "@1-": the sign never sticks to the number, as it stands behind it.
-  if (order_token.text == "1") {
-    signal.byte_order = ByteOrder::kLittleEndian;
-  } else if (order_token.text == "0") {
-    signal.byte_order = ByteOrder::kBigEndian;
-  } else {
-    fail(order_token, "the byte order, 1 (Intel) or 0 (Motorola)");
-  }
-  if (accept('-')) {
+  signal.byte_order = digit == '1' ? ByteOrder::kLittleEndian : ByteOrder::kBigEndian;
+  reader.take();
+  if (reader.accept('-')) {
     signal.type = SignalType::kSigned;
-  } else if (!accept('+')) {
-    fail(lexer_.peek(), "\"+\" (unsigned) or \"-\" (signed)");
+  } else if (!reader.accept('+')) {
+    return reader.fail(reader.peek(), "\"+\" (unsigned) or \"-\" (signed)");
   }
-  if (payload_bytes_needed(signal) > kMaxFramePayload) {
-    fail(count_token, fmt::format("a signal that ends within {} bytes", kMaxFramePayload));
+  return true;
+}
+
+bool parse_scaling(DbcParse& parse, DbcSignal& signal) {
+  DbcStatementReader& reader = parse.reader;
+  if (!reader.expect('(')) return false;
+  const DbcPosition position = reader.peek().position;
+  if (!reader.expect_number(signal.factor, "the factor") || !reader.expect(',') ||
+      !reader.expect_number(signal.offset, "the offset") || !reader.expect(')')) {
+    return false;
   }
-}
-
-void DbcParser::parse_scaling(DbcSignal& signal) {
-  expect('(');
-  const DbcToken factor_token = lexer_.peek();
-  signal.factor = expect_number("the factor");
-  if (signal.factor == 0.0) fail(factor_token, "a factor other than zero");
-  expect(',');
-  signal.offset = expect_number("the offset");
-  expect(')');
-}
-
-void DbcParser::parse_range(DbcSignal& signal) {
-  expect('[');
-  signal.minimum = expect_number("the minimum");
-  expect('|');
-  signal.maximum = expect_number("the maximum");
-  expect(']');
-}
-
-void DbcParser::parse_receivers(DbcSignal& signal) {
-  while (is_on_same_line() && lexer_.peek().kind == DbcTokenKind::kIdentifier) {
-    signal.receivers.emplace_back(lexer_.take().text);
-    accept(',');
+  if (signal.factor == 0.0) {
+    parse.warnings.warn(position, "signal {} has the factor zero, and so no value",
+                        name_for_people(signal.name));
   }
+  return true;
 }
 
-void DbcParser::check_extent(const DbcMessage& message, const DbcSignal& signal) {
-  const std::size_t needed = payload_bytes_needed(signal);
-  const bool has_payload = message.id != (kIndependentSignalsId & ~kExtendedIdFlag);
-  if (!has_payload || needed <= message.length) return;
-  warn(signal.position, fmt::format("signal {} needs {} bytes, message {} has {}", signal.name,
-                                    needed, message.name, message.length));
+/// "[0|100]"; what is left out, or no number, counts as not given.
+bool parse_range(DbcParse& parse, double& minimum, double& maximum) {
+  DbcStatementReader& reader = parse.reader;
+  if (!reader.expect('[')) return false;
+  if (reader.accept(']')) return true;
+  if (!reader.is_at('|') && !reader.expect_number(minimum, "the minimum")) return false;
+  if (!reader.expect('|')) return false;
+  if (!reader.is_at(']') && !reader.expect_number(maximum, "the maximum")) return false;
+  if (std::isnan(minimum) || std::isnan(maximum)) minimum = maximum = 0.0;
+  return reader.expect(']');
 }
 
-void DbcParser::parse_signal_type() {
-  const DbcPosition position = lexer_.peek().position;
-  DbcSignal* const signal = parse_signal_reference();
-  accept(':');
-  const DbcToken type_token = lexer_.peek();
-  const auto type = expect_integer<std::uint32_t>("the signal's type");
-  expect(';');
-  if (type > 2) fail(type_token, "0 (integer), 1 (float) or 2 (double)");
-  if (signal == nullptr || type == 0) return;
-  const int bits = type == 1 ? 32 : 64;
-  if (signal->bit_count != bits) {
-    throw DbcError(database_.source, position,
-                   fmt::format("found a float of {} bits in signal {}, expected {}",
-                               signal->bit_count, signal->name, bits));
+void parse_receivers(DbcParse& parse, DbcSignal& signal) {
+  DbcStatementReader& reader = parse.reader;
+  bool is_behind_comma = reader.accept(',');
+  // A name on a line of its own belongs to the list only if it is indented or a comma says so.
+  while (reader.is_at_name() && reader.peek().kind == DbcTokenKind::kIdentifier &&
+         !is_same_word(reader.peek().text, "SG_") && !is_same_word(reader.peek().text, "BO_") &&
+         (is_behind_comma || !reader.peek().starts_line || reader.peek().position.column > 1)) {
+    std::string_view name;
+    static_cast<void>(reader.expect_name(name, "a receiver"));
+    signal.receivers.push_back(is_c_identifier(name) ? name : std::string_view(to_utf8(name)));
+    is_behind_comma = reader.accept(',');
   }
-  signal->type = type == 1 ? SignalType::kFloat32 : SignalType::kFloat64;
+  reader.accept(';');
 }
 
-void DbcParser::parse_value_names() {
-  const DbcToken keyword = lexer_.peek();
-  if (keyword.kind == DbcTokenKind::kIdentifier) {
-    warn(keyword.position,
-         fmt::format("value names of environment variable {} are not read", keyword.text));
-    skip_statement(keyword);
+void check_extent(DbcParse& parse, const DbcMessage& message, const DbcSignal& signal) {
+  if (signal.bit_count == 0 || signal.bit_count > kMaxSignalBits) {
+    parse.warnings.warn(signal.position, "signal {} has {} bits, expected 1 to {}",
+                        name_for_people(signal.name), signal.bit_count, kMaxSignalBits);
+  }
+  const std::size_t needed = signal.bit_count == 0 ? 0 : payload_bytes_needed(signal);
+  if (needed <= message.length) return;
+  parse.warnings.warn(signal.position, "signal {} needs {} bytes, message {} has {}",
+                      name_for_people(signal.name), needed, name_for_people(message.name),
+                      message.length);
+}
+
+bool parse_signal(DbcParse& parse, DbcSignal& signal) {
+  DbcStatementReader& reader = parse.reader;
+  reader.begin_statement("the signal is skipped");
+  signal.position = reader.peek().position;
+  if (!expect_new_name(parse, signal.name, "the signal's name") ||
+      !parse_multiplexing_mark(parse, signal) || !reader.expect(':') ||
+      !parse_bit_layout(parse, signal) || !parse_scaling(parse, signal) ||
+      !parse_range(parse, signal.minimum, signal.maximum) ||
+      !reader.expect_string(signal.unit, "the unit, a string")) {
+    return false;
+  }
+  parse_receivers(parse, signal);
+  return true;
+}
+
+/// Enters the name of the signal that has this number among the message's.
+void index_signal(DbcParse& parse, std::uint32_t message_number, const DbcMessage& message,
+                  const DbcSignal& signal, std::uint32_t number) {
+  const std::uint32_t first = parse.first_signals[message_number];
+  const std::size_t hash = std::hash<std::string_view>{}(signal.name) ^ message_number;
+  const std::uint32_t before = parse.signal_names.find(hash, [&](std::uint32_t n) {
+    return n >= first && message.signals[n - first].name == signal.name;
+  });
+  if (before == kNoDbcItem) {
+    parse.signal_names.insert(hash, first + number);
     return;
   }
-  DbcSignal* const signal = parse_signal_reference();
-  while (!accept(';')) {
-    const DbcToken value_token = expect(DbcTokenKind::kNumber, "a value or \";\"");
-    const auto value = to_whole_number(value_token);
-    if (!value) fail(value_token, "a whole number");
-    std::string value_name = expect_string("the value's name, a string");
-    if (signal == nullptr) continue;
-    if (!signal->value_names.emplace(*value, std::move(value_name)).second) {
-      warn(value_token.position,
-           fmt::format("signal {} names the value {} twice", signal->name, *value));
+  parse.warnings.warn(signal.position, "message {} has two signals {}",
+                      name_for_people(message.name), name_for_people(signal.name));
+}
+
+/// The lines SG_ that follow. @param keep whether they are signals of `message`
+void parse_signals(DbcParse& parse, std::uint32_t number, DbcMessage& message, bool keep) {
+  DbcStatementReader& reader = parse.reader;
+  const std::string_view rest = reader.lexer().rest();
+  // No line is counted twice, however many messages stand on one.
+  if (keep && !rest.empty() && !std::less<>{}(rest.data(), parse.signals_counted_to)) {
+    message.signals.reserve(count_leading_lines_of(rest, "SG_ ", parse.signals_counted_to));
+  }
+  while (reader.accept_word("SG_")) {
+    if (!keep) {
+      reader.skip_signal();
+      continue;
     }
-  }
-}
-
-void DbcParser::parse_comment() {
-  std::string* comment = nullptr;
-  if (lexer_.peek().kind == DbcTokenKind::kString) {
-    comment = &database_.comment;
-  } else if (accept_word("BU_")) {
-    comment = &database_.node_comments[expect_identifier("a node")];
-  } else if (accept_word("BO_")) {
-    if (DbcMessage* const message = parse_message_reference()) comment = &message->comment;
-  } else if (accept_word("SG_")) {
-    if (DbcSignal* const signal = parse_signal_reference()) comment = &signal->comment;
-  } else if (accept_word("EV_")) {
-    expect_identifier("an environment variable");
-  } else {
-    fail(lexer_.peek(), "BU_, BO_, SG_, EV_ or the comment, a string");
-  }
-  std::string text = expect_string("the comment, a string");
-  expect(';');
-  if (comment != nullptr) *comment = std::move(text);
-}
-
-void DbcParser::parse_attribute_definition() {
-  for (const std::string_view object : {"BU_", "BO_", "SG_", "EV_"}) {
-    if (accept_word(object)) break;
-  }
-  std::string name = expect_string("the attribute's name, a string");
-  definitions_[std::move(name)] = parse_attribute_kind();
-  expect(';');
-}
-
-AttributeDefinition DbcParser::parse_attribute_kind() {
-  AttributeDefinition definition;
-  const DbcToken kind = lexer_.take();
-  if (is_word(kind, "INT") || is_word(kind, "HEX")) {
-    definition.kind = AttributeKind::kInteger;
-  } else if (is_word(kind, "FLOAT")) {
-    definition.kind = AttributeKind::kFloat;
-  } else if (is_word(kind, "ENUM")) {
-    definition.kind = AttributeKind::kEnumeration;
-    do {
-      definition.values.push_back(expect_string("a value of the enumeration, a string"));
-    } while (accept(','));
-  } else if (!is_word(kind, "STRING")) {
-    fail(kind, "INT, HEX, FLOAT, STRING or ENUM");
-  }
-  // The bounds of numbers are optional, and not enforced.
-  while (lexer_.peek().kind == DbcTokenKind::kNumber) lexer_.take();
-  return definition;
-}
-
-void DbcParser::parse_attribute_default() {
-  const std::string name = expect_string("the attribute's name, a string");
-  database_.default_attributes[name] = parse_attribute_value(name);
-  expect(';');
-}
-
-void DbcParser::parse_attribute() {
-  const std::string name = expect_string("the attribute's name, a string");
-  DbcAttributes* attributes = nullptr;
-  if (accept_word("BU_")) {
-    attributes = &database_.node_attributes[expect_identifier("a node")];
-  } else if (accept_word("BO_")) {
-    if (DbcMessage* const message = parse_message_reference()) attributes = &message->attributes;
-  } else if (accept_word("SG_")) {
-    if (DbcSignal* const signal = parse_signal_reference()) attributes = &signal->attributes;
-  } else if (accept_word("EV_")) {
-    expect_identifier("an environment variable");
-  } else {
-    attributes = &database_.attributes;
-  }
-  DbcAttributeValue value = parse_attribute_value(name);
-  expect(';');
-  if (attributes != nullptr) (*attributes)[name] = std::move(value);
-}
-
-DbcAttributeValue DbcParser::parse_attribute_value(const std::string& name) {
-  const DbcToken token = lexer_.take();
-  if (token.kind != DbcTokenKind::kString && token.kind != DbcTokenKind::kNumber) {
-    fail(token, "the attribute's value, a string or a number");
-  }
-  const auto found = definitions_.find(name);
-  if (found == definitions_.end()) {
-    warn(token.position, fmt::format("attribute {} is not defined before it is used", name));
-    if (token.kind == DbcTokenKind::kString) return string_value(token);
-    return numeric_value({AttributeKind::kInteger, {}}, token);
-  }
-  const AttributeDefinition& definition = found->second;
-  if (definition.kind == AttributeKind::kEnumeration) return enumeration_value(definition, token);
-  if (token.kind == DbcTokenKind::kString) {
-    if (definition.kind != AttributeKind::kString) {
-      warn(token.position, fmt::format("attribute {} is a number, but has a text", name));
+    const auto count = static_cast<std::uint32_t>(message.signals.size());
+    DbcSignal& signal = message.signals.emplace_back();
+    if (!parse_signal(parse, signal)) {
+      message.signals.pop_back();
+      reader.skip_signal();
+      continue;
     }
-    return string_value(token);
+    ++parse.understood_count;
+    check_extent(parse, message, signal);
+    index_signal(parse, number, message, signal, count);
   }
-  return numeric_value(definition, token);
 }
 
-DbcAttributeValue DbcParser::enumeration_value(const AttributeDefinition& definition,
-                                               const DbcToken& token) {
-  const std::vector<std::string>& values = definition.values;
-  if (token.kind == DbcTokenKind::kNumber) {
-    const auto index = to_number<std::size_t>(token);
-    if (!index || *index >= values.size()) {
-      fail(token, fmt::format("an index below {} or one of \"{}\"", values.size(),
-                              fmt::join(values, "\", \"")));
-    }
-    return values[*index];
+void check_message(DbcParse& parse, std::uint32_t file_id, const DbcMessage& message) {
+  // Bits 29 and 30 mean nothing, but real files have them.
+  if (message.is_extended && file_id != (message.id | kExtendedIdFlag)) {
+    parse.warnings.warn(
+        message.position,
+        "message {} has the identifier {}, expected up to {}, or up to {} with bit 31 "
+        "set; it is taken for the extended identifier {}",
+        name_for_people(message.name), file_id, kMaxStandardDbcId, kMaxExtendedDbcId, message.id);
   }
-  std::string text = string_value(token);
-  if (std::find(values.begin(), values.end(), text) == values.end()) {
-    warn(token.position, fmt::format("\"{}\" is none of the enumeration's values \"{}\"", text,
-                                     fmt::join(values, "\", \"")));
+  if (message.length > kMaxFramePayload) {
+    parse.warnings.warn(message.position, "message {} has {} bytes, more than a frame carries ({})",
+                        name_for_people(message.name), message.length, kMaxFramePayload);
   }
-  return text;
+  const std::uint32_t same_id = parse.message_ids.find(message.id, [&](std::uint32_t n) {
+    return parse.messages[n].id == message.id &&
+           parse.messages[n].is_extended == message.is_extended;
+  });
+  if (same_id != kNoDbcItem) {
+    parse.warnings.warn(message.position, "message identifier {} of {} is used before, by {}",
+                        file_id, name_for_people(message.name),
+                        name_for_people(parse.messages[same_id].name));
+  }
+  const std::uint32_t same_name = parse.message_names.find(
+      std::hash<std::string_view>{}(message.name),
+      [&](std::uint32_t n) { return parse.messages[n].name == message.name; });
+  if (same_name != kNoDbcItem) {
+    parse.warnings.warn(message.position, "there are two messages {}",
+                        name_for_people(message.name));
+  }
+  const auto number = static_cast<std::uint32_t>(parse.messages.size());
+  if (same_id == kNoDbcItem) parse.message_ids.insert(message.id, number);
+  if (same_name == kNoDbcItem) {
+    parse.message_names.insert(std::hash<std::string_view>{}(message.name), number);
+  }
 }
 
-DbcAttributeValue DbcParser::numeric_value(const AttributeDefinition& definition,
-                                           const DbcToken& token) {
-  if (definition.kind == AttributeKind::kString) {
-    warn(token.position, "the attribute is a text, but has a number");
-    return std::string(token.text);
+bool parse_message_head(DbcParse& parse, DbcMessage& message, std::uint32_t& file_id) {
+  DbcStatementReader& reader = parse.reader;
+  const DbcToken id_token = reader.peek();
+  message.position = id_token.position;
+  if (!reader.expect_integer(file_id, "a message identifier")) return false;
+  const DbcId id = to_dbc_id(file_id);
+  message.id = id.id;
+  message.is_extended = id.is_extended;
+  if (!expect_new_name(parse, message.name, "the message's name") || !reader.expect(':') ||
+      !reader.expect_integer(message.length, "the message's length in bytes")) {
+    return false;
   }
-  if (definition.kind == AttributeKind::kInteger) {
-    if (const auto integer = to_whole_number(token)) return *integer;
+  // On a line of its own only if indented, as a wrapped line is.
+  if (reader.is_at_name() && reader.peek().text != "SG_" &&
+      (!reader.peek().starts_line || reader.peek().position.column > 1)) {
+    std::string_view transmitter;
+    static_cast<void>(reader.expect_name(transmitter, "the transmitter"));
+    message.transmitter = to_utf8(transmitter);
   }
-  const auto number = to_number<double>(token);
-  if (!number) fail(token, "a number that a double can hold");
-  return *number;
-}
-
-DbcMessage* DbcParser::parse_message_reference() {
-  const DbcToken token = lexer_.peek();
-  const auto file_id = expect_integer<std::uint32_t>("a message identifier");
-  const auto found = message_index_.find(file_id);
-  if (found != message_index_.end()) return &database_.messages[found->second];
-  if (file_id != kIndependentSignalsId) {
-    warn(token.position, fmt::format("there is no message with identifier {}", file_id));
-  }
-  return nullptr;
-}
-
-DbcSignal* DbcParser::parse_signal_reference() {
-  DbcMessage* const message = parse_message_reference();
-  const DbcToken token = lexer_.peek();
-  const std::string name = expect_identifier("a signal");
-  if (message == nullptr) return nullptr;
-  const auto message_number = static_cast<std::size_t>(message - database_.messages.data());
-  const SignalIndex& index = signal_index_[message_number];
-  const auto found = index.find(name);
-  if (found != index.end()) return &message->signals[found->second];
-  warn(token.position, fmt::format("message {} has no signal {}", message->name, name));
-  return nullptr;
-}
-
-bool DbcParser::accept(char punctuation) {
-  if (!is_punctuation(lexer_.peek(), punctuation)) return false;
-  lexer_.take();
+  reader.accept(';');
   return true;
 }
 
-bool DbcParser::accept_word(std::string_view word) {
-  if (!is_word(lexer_.peek(), word)) return false;
-  lexer_.take();
+bool parse_message(DbcParse& parse) {
+  DbcMessage message;
+  std::uint32_t file_id = 0;
+  parse.reader.begin_statement("the message and its signals are skipped");
+  if (!parse_message_head(parse, message, file_id)) {
+    parse.last_message_failed = true;
+    return false;
+  }
+  ++parse.understood_count;
+  const bool is_pseudo = file_id == kIndependentSignalsId;
+  const auto number = static_cast<std::uint32_t>(parse.messages.size());
+  if (!is_pseudo) {
+    check_message(parse, file_id, message);
+    parse.first_signals.push_back(parse.signal_count);
+  }
+  parse_signals(parse, number, message, !is_pseudo);
+  parse.last_message_failed = is_pseudo;
+  if (is_pseudo) return true;
+  parse.signal_count += static_cast<std::uint32_t>(message.signals.size());
+  parse.messages.push_back(std::move(message));
   return true;
 }
 
-DbcToken DbcParser::expect(DbcTokenKind kind, std::string_view expected) {
-  if (lexer_.peek().kind != kind) fail(lexer_.peek(), expected);
-  return lexer_.take();
-}
-
-void DbcParser::expect(char punctuation) {
-  if (!accept(punctuation)) fail(lexer_.peek(), fmt::format("\"{}\"", punctuation));
-}
-
-std::string DbcParser::expect_identifier(std::string_view expected) {
-  return std::string(expect(DbcTokenKind::kIdentifier, expected).text);
-}
-
-std::string DbcParser::expect_string(std::string_view expected) {
-  return string_value(expect(DbcTokenKind::kString, expected));
-}
-
-double DbcParser::expect_number(std::string_view expected) {
-  const DbcToken token = expect(DbcTokenKind::kNumber, expected);
-  const auto number = to_number<double>(token);
-  if (!number) fail(token, fmt::format("{}, a number that a double can hold", expected));
-  return *number;
-}
-
-template <class T>
-T DbcParser::expect_integer(std::string_view expected) {
-  const DbcToken token = expect(DbcTokenKind::kNumber, expected);
-  const auto integer = to_number<T>(token);
-  if (!integer) {
-    fail(token,
-         fmt::format("{}, a whole number up to {}", expected, std::numeric_limits<T>::max()));
+/// A line SG_ that does not stand right behind its message.
+bool parse_late_signal(DbcParse& parse, DbcPosition position) {
+  if (parse.last_message_failed) return false;  // its BO_ has been reported
+  DbcStatementReader& reader = parse.reader;
+  if (parse.messages.size() == 0) {
+    reader.begin_statement("the signal is skipped");
+    return reader.fail({DbcTokenKind::kIdentifier, false, "SG_", position},
+                       "a message (BO_) before its signals");
   }
-  return *integer;
+  DbcSignal signal;
+  if (!parse_signal(parse, signal)) return false;
+  const auto number = static_cast<std::uint32_t>(parse.messages.size() - 1);
+  DbcMessage& message = parse.messages[number];
+  parse.warnings.warn(position, "signal {} does not stand right behind its message {}",
+                      name_for_people(signal.name), name_for_people(message.name));
+  check_extent(parse, message, signal);
+  index_signal(parse, number, message, signal, static_cast<std::uint32_t>(message.signals.size()));
+  message.signals.push_back(std::move(signal));
+  ++parse.signal_count;
+  return true;
 }
 
-void DbcParser::fail(const DbcToken& found, std::string_view expected) const {
-  throw DbcError(database_.source, found.position,
-                 fmt::format("found {}, expected {}", describe(found), expected));
+bool skip_unread(DbcParse& parse, const DbcToken& keyword) {
+  std::vector<std::string_view>& noted = parse.unread_keywords;
+  if (std::find(noted.begin(), noted.end(), keyword.text) == noted.end()) {
+    noted.push_back(keyword.text);
+    parse.warnings.add(DbcSeverity::kNote, keyword.position, "section {} is not read",
+                       keyword.text);
+  }
+  parse.reader.skip_statement();
+  return true;
 }
 
-void DbcParser::warn(DbcPosition position, std::string text) {
-  database_.warnings.push_back({position, std::move(text)});
+bool parse_section(DbcParse& parse, DbcSection section, const DbcToken& keyword) {
+  parse.reader.begin_statement("the statement is skipped");
+  switch (section) {
+    case DbcSection::kSignal:
+      return parse_late_signal(parse, keyword.position);
+    case DbcSection::kMessage:
+      return parse_message(parse);
+    case DbcSection::kValueNames:
+      return parse_dbc_value_names(parse);
+    case DbcSection::kComment:
+      return parse_dbc_comment(parse);
+    case DbcSection::kAttribute:
+      return parse_dbc_attribute(parse);
+    case DbcSection::kAttributeDefinition:
+      return parse_dbc_attribute_definition(parse);
+    case DbcSection::kAttributeDefault:
+      return parse_dbc_attribute_default(parse);
+    case DbcSection::kSignalType:
+      return parse_dbc_signal_type(parse);
+    case DbcSection::kMultiplexing:
+      return parse_dbc_multiplexing(parse);
+    case DbcSection::kValueTable:
+      return parse_dbc_value_table(parse);
+    case DbcSection::kSignalGroup:
+      return parse_dbc_signal_group(parse);
+    case DbcSection::kTransmitters:
+      return parse_dbc_transmitters(parse);
+    case DbcSection::kEnvironmentVariable:
+      return parse_dbc_environment_variable(parse);
+    case DbcSection::kNodes:
+      return parse_nodes(parse);
+    case DbcSection::kVersion:
+      return parse_version(parse);
+    case DbcSection::kNewSymbols:
+      return skip_new_symbols(parse);
+    case DbcSection::kBusTiming:
+      return skip_bus_timing(parse);
+    case DbcSection::kUnread:
+      return skip_unread(parse, keyword);
+    case DbcSection::kNone:
+      break;
+  }
+  return false;
+}
+
+void parse_statement(DbcParse& parse) {
+  DbcStatementReader& reader = parse.reader;
+  if (reader.accept(';')) return;
+  const bool is_section_like = reader.is_at_statement();
+  const DbcToken keyword = reader.take();
+  const DbcSection section =
+      keyword.kind == DbcTokenKind::kIdentifier ? find_section(keyword.text) : DbcSection::kNone;
+  if (section == DbcSection::kNone) {
+    if (is_section_like) {
+      parse.warnings.warn(keyword.position, "section {} is not known, and not read",
+                          shown(keyword.text));
+    } else if (keyword.starts_line || parse.understood_count == 0) {
+      reader.begin_statement("what follows is skipped");
+      static_cast<void>(reader.fail(keyword, "a section such as BO_"));
+    } else {
+      // The statement before it was whole: a stray quote, a comment, a semicolon too many.
+      parse.warnings.warn(keyword.position,
+                          "found {} behind the end of a statement; what follows is skipped",
+                          describe(keyword));
+    }
+    reader.skip_statement();
+    return;
+  }
+  if (!parse_section(parse, section, keyword)) {
+    reader.skip_statement();
+  } else if (section != DbcSection::kMessage) {
+    ++parse.understood_count;
+  }
+}
+
+/// @throws DbcError the text is binary or UTF-16
+void require_text(std::string_view text, const std::string& source) {
+  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF")) {
+    throw DbcError(source, {}, "found the mark of UTF-16 text, expected UTF-8 or Latin-1");
+  }
+  const std::size_t nul = text.substr(0, kLookForNul).find('\0');
+  if (nul == std::string_view::npos) return;
+  const auto before = text.substr(0, nul);
+  const auto line = static_cast<int>(std::count(before.begin(), before.end(), '\n')) + 1;
+  const std::size_t line_begin = before.rfind('\n') + 1;  // npos + 1 is 0
+  throw DbcError(source, {line, static_cast<int>(nul - line_begin) + 1},
+                 "found byte 0x00, expected text; this is no DBC file");
 }
 
 std::string read_text(const std::filesystem::path& file) {
-  if (std::filesystem::is_directory(file)) {
-    throw std::system_error(EISDIR, std::generic_category(), "cannot read " + file.string());
+  const auto fail = [&](int error) {
+    throw std::system_error(error, std::generic_category(), "cannot read " + file.string());
+  };
+  if (std::filesystem::is_directory(file)) fail(EISDIR);
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> stream(std::fopen(file.c_str(), "rb"),
+                                                               &std::fclose);
+  if (!stream) fail(errno);
+  std::string text;
+  // A pipe has no size; a file may grow while it is read.
+  std::error_code no_size;
+  const std::uintmax_t size = std::filesystem::file_size(file, no_size);
+  std::size_t length = 0;
+  std::size_t next = no_size ? 1 << 16 : static_cast<std::size_t>(size) + 1;
+  for (;;) {
+    text.resize(length + next);
+    length += std::fread(text.data() + length, 1, next, stream.get());
+    if (std::ferror(stream.get()) != 0) fail(errno);
+    if (length < text.size()) break;
+    next = text.size();
   }
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) {
-    throw std::system_error(errno, std::generic_category(), "cannot read " + file.string());
-  }
-  return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+  text.resize(length);
+  return text;
 }
 
 }  // namespace
@@ -644,7 +513,24 @@ DbcError::DbcError(const std::string& source, DbcPosition position, const std::s
       position_(position) {}
 
 DbcDatabase parse_dbc(std::string_view text, const std::string& source) {
-  return DbcParser(text, source).parse();
+  require_text(text, source);
+  DbcParse parse(text);
+  parse.database.source = source;
+  while (!parse.reader.is_at_end()) parse_statement(parse);
+  if (parse.understood_count == 0) {
+    DbcDatabase empty;
+    parse.warnings.move_to(empty);
+    for (const DbcWarning& warning : empty.warnings) {
+      if (warning.severity == DbcSeverity::kError) {
+        throw DbcError(source, warning.position, warning.text);
+      }
+    }
+    throw DbcError(source, parse.reader.peek().position,
+                   "found the end of the file, expected a section such as BO_");
+  }
+  finish_dbc(parse);
+  parse.warnings.move_to(parse.database);
+  return std::move(parse.database);
 }
 
 DbcDatabase read_dbc(const std::filesystem::path& file) {

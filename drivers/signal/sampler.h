@@ -1,50 +1,17 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <span>
 
 #include "drivers/can/can_frame.h"
+#include "drivers/signal/message_watch.h"
+#include "drivers/signal/sample.h"
 #include "drivers/signal/signal_map.h"
 
 namespace faultline {
 
-/// Why a sample is not to be trusted, or how it was made. Bits; a sample is good iff it has none of
-/// kBadSample.
-enum SampleFlag : std::uint32_t {
-  kSampleSensorMissing = 1u << 0,   ///< a sensor message of the cycle never came
-  kSampleCommandMissing = 1u << 1,  ///< command c_k is unknown (no SYNC) or incomplete
-  kSampleRepeated = 1u << 2,        ///< a message of this cycle came twice; the first one counts
-  kSampleLate = 1u << 3,            ///< since the last sample, a message of a closed cycle came
-  kSampleGap = 1u << 4,             ///< no frame of this cycle came: the counter jumped over it
-  kSampleShortPayload = 1u << 5,    ///< a message was shorter than its signals need
-  kSampleChecksum = 1u << 6,        ///< a checksum or alive counter was wrong
-  kSampleReset = 1u << 7,      ///< first sample after a restart or a long gap: forget everything
-  kSampleBusOrder = 1u << 8,   ///< aligned by bus order (no SYNC or no c_k): a remark, not a fault
-  kSampleNotFinite = 1u << 9,  ///< a float on the bus was NaN or infinite; its message is held
-};
-inline constexpr std::uint32_t kBadSample =
-    kSampleSensorMissing | kSampleCommandMissing | kSampleRepeated | kSampleLate | kSampleGap |
-    kSampleShortPayload | kSampleChecksum | kSampleReset | kSampleNotFinite;
-
-/// One sample (y_k, u_k): outputs measured at cycle k, inputs acting over [t_k, t_k+1).
-/// Views into the sampler, valid until its next call.
-struct Sample {
-  std::uint32_t cycle = 0;  ///< k
-  /// c_k; kNoCommand before the first command, where it is unknown, and in bus order.
-  std::uint32_t command_cycle = kNoCommand;
-  std::uint32_t flags = 0;                   ///< SampleFlag bits
-  Timestamp stamp{};                         ///< receive time of the frame that closed it
-  std::span<const double> y;                 ///< outputs; a missing one holds its last value
-  std::span<const double> u;                 ///< inputs; a missing one holds its last value
-  std::span<const std::uint8_t> y_is_fresh;  ///< per output: 1 measured in this cycle, 0 held
-  /// Per input: 1 the value acting in this cycle is known, 0 held. In bus order: 1 received since
-  /// the sample before.
-  std::span<const std::uint8_t> u_is_fresh;
-  [[nodiscard]] bool is_good() const noexcept { return (flags & kBadSample) == 0; }
-};
-
-/// Counters only grow (until `Sampler::reset`).
+/// Counters only grow (until `Sampler::reset`). A bad frame is counted once.
 struct SamplerCounters {
   std::uint64_t samples = 0;
   std::uint64_t bad_samples = 0;
@@ -53,11 +20,17 @@ struct SamplerCounters {
   std::uint64_t repeated_frames = 0;
   std::uint64_t short_frames = 0;
   std::uint64_t not_finite_frames = 0;  ///< with a NaN or an infinity
+  std::uint64_t refused_frames = 0;     ///< wrong checksum or alive counter
   std::uint64_t resets = 0;
   /// Frames that are no mapped message, came before the first SYNC, or whose counter is out of
   /// reach.
   std::uint64_t ignored_frames = 0;
   std::uint64_t unstarted_cycles = 0;  ///< incomplete cycles skipped at the start; see Sampler
+
+  /// Frames that came and were not used.
+  [[nodiscard]] std::uint64_t bad_frames() const noexcept {
+    return late_frames + repeated_frames + short_frames + not_finite_frames + refused_frames;
+  }
 };
 
 /// Aligns frames to samples by counters, not clocks (docs/design.md, "The cycle").
@@ -79,6 +52,13 @@ struct SamplerCounters {
 ///
 /// A repeated frame, identical or not, is a defect of the bus: it marks its sample, and its values
 /// are not used. If that sample has closed, the repeat is a late frame and marks the next one.
+///
+/// Integrity. Frames of a protected message (message_protection.h) are checked first, also before
+/// the start. One with a wrong checksum is not used, and as its cycle cannot be trusted either it
+/// marks the next sample to close. One whose alive counter repeated or left its sequence is not
+/// used, and marks the sample of its cycle. One after a gap is good: the samples that lack the
+/// frames lost are bad already; only a message without cycle counter marks its sample, as nothing
+/// else tells. The unit's messages that a bad sample lacks, or that marked it, are to blame.
 ///
 /// Bus order. Where the map has no SYNC, no c_k, or a mapped message without counter, samples carry
 /// kSampleBusOrder. Without SYNC the sensors' counters count the cycles; if one has none, a cycle
@@ -116,6 +96,8 @@ class Sampler {
   void reset() noexcept;
 
   [[nodiscard]] const SamplerCounters& counters() const noexcept;
+  /// What one message did. @pre message < SignalMap::message_count()
+  [[nodiscard]] MessageCounters message_counters(std::size_t message) const noexcept;
 
  private:
   struct State;

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
@@ -12,23 +14,10 @@
 namespace faultline {
 namespace {
 
-constexpr std::string_view kRoleAttribute = "FaultlineRole";
 constexpr std::string_view kFrameFormatAttribute = "VFrameFormat";  // Vector's name for it
 constexpr std::uint16_t kSyncBits = 32;                             // k and c_k are u32
 constexpr std::uint16_t kCycleBits = 4;  // counters tell 16 cycles apart (docs/design.md)
 constexpr std::size_t kShownNames = 3;   // as many suggestions as a reader takes in
-
-enum class Role { kNone, kSync, kCycle, kCommandCycle, kAlive, kCrc };
-
-constexpr std::array<std::pair<std::string_view, Role>, 7> kRoles{{
-    {"", Role::kNone},
-    {"none", Role::kNone},
-    {"sync", Role::kSync},
-    {"cycle", Role::kCycle},
-    {"command_cycle", Role::kCommandCycle},
-    {"alive", Role::kAlive},
-    {"crc", Role::kCrc},
-}};
 
 /// Levenshtein's distance: insertions, deletions and substitutions from one text to the other.
 std::size_t edit_distance(std::string_view from, std::string_view to) {
@@ -90,6 +79,8 @@ class SignalMapBuilder {
     map_side(Side::kInputs);
     for (const DbcMessage& message : dbc_.messages) add_roles(message);
     require_command_cycle_in_sync();
+    for (const auto& [message, mapped] : mapped_) require_untouched(*message);
+    if (sync_message_ != nullptr) require_untouched(*sync_message_);
     require_distinct_identifiers();
     return std::move(map_);
   }
@@ -124,8 +115,10 @@ class SignalMapBuilder {
   [[nodiscard]] std::vector<std::string> signal_names(bool with_message) const;
   void require_usable(const std::string& channel, const PlacedSignal& placed) const;
 
+  template <class Mapped>
+  void describe(const DbcMessage& message, Mapped& mapped) const;
+  void require_untouched(const DbcMessage& message) const;
   void add_roles(const DbcMessage& message);
-  [[nodiscard]] Role role_of(const DbcSignal& signal) const;
   [[nodiscard]] SignalCodec counter_codec(const DbcMessage& message, const DbcSignal& signal,
                                           std::string_view role, std::uint16_t least_bits) const;
   void set_cycle(const DbcMessage& message, const DbcSignal& signal);
@@ -192,9 +185,9 @@ void SignalMapBuilder::map_side(Side side) {
   for (const DbcMessage& message : dbc_.messages) {
     const auto found = channels_of.find(&message);
     if (found == channels_of.end()) continue;
-    sides.messages.push_back({message.name, message.id, message.is_extended,
-                              static_cast<std::uint8_t>(message.length), is_fd(message),
-                              std::move(found->second), std::nullopt});
+    MappedMessage& mapped = sides.messages.emplace_back();
+    describe(message, mapped);
+    mapped.channels = std::move(found->second);
     mapped_[&message] = &sides.messages.back();
   }
 }
@@ -265,12 +258,17 @@ PlacedSignal SignalMapBuilder::find_signal(const std::string& channel,
 void SignalMapBuilder::require_usable(const std::string& channel,
                                       const PlacedSignal& placed) const {
   const DbcSignal& signal = *placed.signal;
-  if (signal.multiplexer_value) {
-    fail(
-        signal.position,
-        fmt::format("channel \"{}\": signal {} is multiplexed (m{}), expected one that every frame "
-                    "of its message carries",
-                    channel, placed.full_name(), *signal.multiplexer_value));
+  if (signal.multiplexer != DbcSignal::kAlwaysPresent) {
+    fail(signal.position,
+         fmt::format(
+             "channel \"{}\": signal {} is multiplexed, expected one that every frame of its "
+             "message carries",
+             channel, placed.full_name()));
+  }
+  try {
+    static_cast<void>(SignalCodec(signal));
+  } catch (const std::invalid_argument& error) {
+    fail(signal.position, fmt::format("channel \"{}\": {}", channel, error.what()));
   }
   if (placed.message->length > kMaxPayload) {
     fail(placed.message->position,
@@ -284,41 +282,60 @@ void SignalMapBuilder::require_usable(const std::string& channel,
   }
 }
 
-void SignalMapBuilder::add_roles(const DbcMessage& message) {
+/// What MappedMessage and SyncMessage have in common.
+template <class Mapped>
+void SignalMapBuilder::describe(const DbcMessage& message, Mapped& mapped) const {
+  mapped.name = message.name;
+  mapped.id = message.id;
+  mapped.is_extended = message.is_extended;
+  mapped.length = static_cast<std::uint8_t>(message.length);
+  mapped.is_fd = is_fd(message);
+  mapped.bus = bus_of(dbc_, message).value_or(0);
+  mapped.protection = compile_protection(dbc_, message);
+}
+
+/// What protects a message is written last: nothing that we write or read may lie in its bits.
+void SignalMapBuilder::require_untouched(const DbcMessage& message) const {
+  const auto protects = [&](const DbcSignal& signal) {
+    const SignalRole role = role_of(dbc_, signal);
+    return role == SignalRole::kAlive || role == SignalRole::kCrc ||
+           role == SignalRole::kDataIdNibble;
+  };
   for (const DbcSignal& signal : message.signals) {
-    switch (role_of(signal)) {
-      case Role::kSync:
-        set_sync(message, signal);
-        break;
-      case Role::kCycle:
-        set_cycle(message, signal);
-        break;
-      case Role::kCommandCycle:
-        set_command_cycle(message, signal);
-        break;
-      case Role::kAlive:
-      case Role::kCrc:
-      case Role::kNone:
-        break;
+    if (channel_of_.contains(&signal) && protects(signal)) {
+      fail(signal.position, fmt::format("signal {} is channel \"{}\" and protects its message",
+                                        PlacedSignal{&message, &signal}.full_name(),
+                                        channel_of_.find(&signal)->second));
+    }
+    const bool is_used = channel_of_.contains(&signal) ||
+                         (role_of(dbc_, signal) != SignalRole::kNone && !protects(signal));
+    for (const DbcSignal& other : message.signals) {
+      if (!is_used || !protects(other) || !overlap(signal, other)) continue;
+      fail(signal.position, fmt::format("signal {} overlaps {}, which protects the message",
+                                        PlacedSignal{&message, &signal}.full_name(), other.name));
     }
   }
 }
 
-Role SignalMapBuilder::role_of(const DbcSignal& signal) const {
-  const DbcAttributeValue* const value = dbc_.attribute_of(signal, kRoleAttribute);
-  if (value == nullptr) return Role::kNone;
-  const auto* const name = std::get_if<std::string>(value);
-  if (name == nullptr) {
-    fail(signal.position, fmt::format("signal {}: attribute {} is a number, expected a text",
-                                      signal.name, kRoleAttribute));
+void SignalMapBuilder::add_roles(const DbcMessage& message) {
+  for (const DbcSignal& signal : message.signals) {
+    switch (role_of(dbc_, signal)) {
+      case SignalRole::kSync:
+        set_sync(message, signal);
+        break;
+      case SignalRole::kCycle:
+        set_cycle(message, signal);
+        break;
+      case SignalRole::kCommandCycle:
+        set_command_cycle(message, signal);
+        break;
+      case SignalRole::kAlive:
+      case SignalRole::kCrc:
+      case SignalRole::kDataIdNibble:
+      case SignalRole::kNone:
+        break;
+    }
   }
-  const auto found = std::find_if(kRoles.begin(), kRoles.end(),
-                                  [&](const auto& role) { return role.first == *name; });
-  if (found != kRoles.end()) return found->second;
-  fail(signal.position,
-       fmt::format("signal {}: found {} \"{}\", expected \"sync\", \"cycle\", \"command_cycle\", "
-                   "\"alive\", \"crc\" or \"none\"",
-                   signal.name, kRoleAttribute, *name));
 }
 
 SignalCodec SignalMapBuilder::counter_codec(const DbcMessage& message, const DbcSignal& signal,
@@ -360,9 +377,9 @@ void SignalMapBuilder::set_sync(const DbcMessage& message, const DbcSignal& sign
   }
   sync_message_ = &message;
   const SignalCodec codec = counter_codec(message, signal, "sync", kSyncBits);
-  map_.sync = SyncMessage{
-      message.name,   message.id, message.is_extended, static_cast<std::uint8_t>(message.length),
-      is_fd(message), codec,      std::nullopt};
+  SyncMessage& sync = map_.sync.emplace();
+  describe(message, sync);
+  sync.cycle = codec;
 }
 
 void SignalMapBuilder::set_command_cycle(const DbcMessage& message, const DbcSignal& signal) {
@@ -386,10 +403,10 @@ void SignalMapBuilder::require_command_cycle_in_sync() {
 }
 
 void SignalMapBuilder::require_distinct_identifiers() const {
-  std::map<std::pair<bool, std::uint32_t>, std::string> names;
+  std::map<std::tuple<std::uint8_t, bool, std::uint32_t>, std::string> names;
   const auto require_new = [&](const auto& message) {
     const auto [owner, is_new] =
-        names.emplace(std::pair{message.is_extended, message.id}, message.name);
+        names.emplace(std::tuple{message.bus, message.is_extended, message.id}, message.name);
     if (!is_new) {
       fail(dbc_.find_message(message.name)->position,
            fmt::format("messages {} and {} have the same identifier {}", owner->second,
@@ -416,6 +433,7 @@ CanFrame blank_frame(const Message& message) noexcept {
   frame.is_extended = message.is_extended;
   frame.length = message.length;
   frame.is_fd = message.is_fd;
+  frame.bus = message.bus;
   return frame;
 }
 
@@ -452,10 +470,32 @@ CodecStatus MappedMessage::decode(const CanFrame& frame, std::span<double> value
   return CodecStatus::kOk;
 }
 
+std::vector<MessageProtector> protectors(const std::vector<MappedMessage>& messages) {
+  std::vector<MessageProtector> made;
+  made.reserve(messages.size());
+  for (const MappedMessage& message : messages) made.emplace_back(message.protection);
+  return made;
+}
+
 void SyncMessage::encode(std::uint32_t k, std::uint32_t c_k, CanFrame& frame) const noexcept {
   frame = blank_frame(*this);
   static_cast<void>(cycle.encode_raw(payload_of(frame), k));
   if (command_cycle) static_cast<void>(command_cycle->encode_raw(payload_of(frame), c_k));
+}
+
+const std::string& SignalMap::message_name(std::size_t message) const noexcept {
+  assert(message < message_count());
+  if (message < sensor_messages.size()) return sensor_messages[message].name;
+  message -= sensor_messages.size();
+  return message < command_messages.size() ? command_messages[message].name : sync->name;
+}
+
+const MessageProtection& SignalMap::message_protection(std::size_t message) const noexcept {
+  assert(message < message_count());
+  if (message < sensor_messages.size()) return sensor_messages[message].protection;
+  message -= sensor_messages.size();
+  return message < command_messages.size() ? command_messages[message].protection
+                                           : sync->protection;
 }
 
 std::vector<IdFilter> SignalMap::filters() const {
@@ -473,7 +513,11 @@ std::vector<IdFilter> SignalMap::filters() const {
 SignalMap make_signal_map(const DbcDatabase& dbc, const std::vector<std::string>& output_names,
                           const std::vector<std::string>& input_names,
                           const std::map<std::string, ChannelMapping, std::less<>>& mappings) {
-  return SignalMapBuilder(dbc, mappings).build(output_names, input_names);
+  try {
+    return SignalMapBuilder(dbc, mappings).build(output_names, input_names);
+  } catch (const ProtectionError& error) {
+    throw SignalMapError(error.what());
+  }
 }
 
 }  // namespace faultline

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "drivers/signal/message_integrity.h"
 #include "sim/plant_node.h"
 #include "tests/sim/test_plants.h"
 #include "tests/support/allocation_guard.h"
@@ -101,6 +102,25 @@ TEST(ControllerNode, DoesNotAllocateWhileItRuns) {
   const AllocationGuard guard;
   for (const CanFrame& frame : frames.frames) controller.on_frame(frame, sink);
   EXPECT_EQ(guard.heap_calls(), 0U);
+}
+
+TEST(ControllerNode, ProtectsItsCommands) {
+  const PlantModel model = double_integrator();
+  const SignalMap map = protected_double_integrator_map();
+  const FaultSchedule schedule(model, {});
+  PlantNode plant(model, map, schedule, 0.1, model.x_operating);
+  ControllerNode controller(map, state_feedback(model, gain(0.5, 0.25), kNoFeedforward));
+  MessageIntegrity command(map.command_messages[0].protection);
+  for (std::uint32_t k = 0xFFFF'FFC0; k != 100; ++k) {
+    RecordingSink from_plant;
+    RecordingSink from_controller;
+    plant.on_cycle(k, from_plant);
+    for (const CanFrame& frame : from_plant.frames) controller.on_frame(frame, from_controller);
+    ASSERT_EQ(from_controller.frames.size(), 1U);
+    EXPECT_EQ(command.check(from_controller.frames[0]).status, IntegrityStatus::kOk);
+    plant.on_frame(from_controller.frames[0]);
+  }
+  EXPECT_EQ(command.counters().frames, 164U);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "drivers/signal/message_integrity.h"
 #include "tests/sim/test_plants.h"
 #include "tests/support/allocation_guard.h"
 
@@ -91,6 +92,35 @@ TEST_F(PlantNodeTest, CountsValuesThatDoNotFitTheirSignals) {
   PlantNode node(model_, map_, schedule_, 0.1, far);
   node.on_cycle(0, sink_);
   EXPECT_EQ(node.clamped_values(), 1U);
+}
+
+// The cycle ends with 2^32 - 1, the counters of profile 1 with 14.
+TEST_F(PlantNodeTest, ProtectsEveryFrameAlsoWhereTheCycleWraps) {
+  const SignalMap map = protected_double_integrator_map();
+  PlantNode node(model_, map, schedule_, 0.1, model_.x_operating);
+  MessageIntegrity sync(map.sync->protection);
+  MessageIntegrity position(map.sensor_messages[0].protection);
+  MessageIntegrity speed(map.sensor_messages[1].protection);
+  for (std::uint32_t k = 0xFFFF'FFC0; k != 100; ++k) {
+    sink_.frames.clear();
+    node.on_cycle(k, sink_);
+    ASSERT_EQ(sink_.frames.size(), 3U);
+    EXPECT_EQ(sync.check(sink_.frames[0]).status, IntegrityStatus::kOk) << k;
+    EXPECT_EQ(position.check(sink_.frames[1]).status, IntegrityStatus::kOk) << k;
+    EXPECT_EQ(speed.check(sink_.frames[2]).status, IntegrityStatus::kOk) << k;
+  }
+  EXPECT_EQ(speed.counters().frames, 164U);
+}
+
+TEST_F(PlantNodeTest, DoesNotAllocateWhileItProtectsItsFrames) {
+  class NullSink final : public FrameSink {
+    bool send(const CanFrame& /*frame*/) noexcept override { return true; }
+  } sink;
+  const SignalMap map = protected_double_integrator_map();
+  PlantNode node(model_, map, schedule_, 0.1, model_.x_operating);
+  const AllocationGuard guard;
+  for (std::uint32_t k = 0; k < 1000; ++k) node.on_cycle(k, sink);
+  EXPECT_EQ(guard.heap_calls(), 0U);
 }
 
 TEST_F(PlantNodeTest, DoesNotAllocateWhileItRuns) {

@@ -56,4 +56,57 @@ BA_ "FaultlineRole" SG_ 4 CommandCycle 2;
   return make_signal_map(dbc, {"y1", "y2"}, {"force"});
 }
 
+SignalMap protected_double_integrator_map() {
+  const DbcDatabase dbc = parse_dbc(R"(VERSION ""
+BS_:
+BU_: P C
+BO_ 1 Sync: 12 P
+ SG_ K : 0|32@1+ (1,0) [0|0] "" C
+ SG_ Ck : 32|32@1+ (1,0) [0|0] "" C
+ SG_ SyncCrc : 64|8@1+ (1,0) [0|0] "" C
+ SG_ SyncAlive : 72|4@1+ (1,0) [0|0] "" C
+BO_ 2 Position: 8 P
+ SG_ y1 : 0|32@1- (0.0009765625,0) [0|0] "" C
+ SG_ PositionCycle : 32|8@1+ (1,0) [0|0] "" C
+ SG_ PositionCrc : 40|16@1+ (1,0) [0|0] "" C
+ SG_ PositionAlive : 56|8@1+ (1,0) [0|0] "" C
+BO_ 3 Speed: 7 P
+ SG_ y2 : 0|32@1- (0.0009765625,0) [0|0] "" C
+ SG_ SpeedCycle : 32|8@1+ (1,0) [0|0] "" C
+ SG_ SpeedCrc : 40|8@1+ (1,0) [0|0] "" C
+ SG_ SpeedAlive : 48|4@1+ (1,0) [0|0] "" C
+BO_ 4 Command: 7 C
+ SG_ force : 0|32@1- (0.0009765625,0) [0|0] "" P
+ SG_ CommandCycle : 32|8@1+ (1,0) [0|0] "" P
+ SG_ CommandCrc : 40|8@1+ (1,0) [0|0] "" P
+ SG_ CommandAlive : 48|4@1+ (1,0) [0|0] "" P
+BA_DEF_ SG_ "FaultlineRole" ENUM "none","sync","cycle","command_cycle","alive","crc";
+BA_DEF_ BO_ "FaultlineProtection" STRING ;
+BA_DEF_ BO_ "FaultlineDataId" INT 0 65535;
+BA_DEF_DEF_ "FaultlineRole" "none";
+BA_ "FaultlineProtection" BO_ 1 "E2E_P01A";
+BA_ "FaultlineProtection" BO_ 2 "E2E_P05";
+BA_ "FaultlineProtection" BO_ 3 "E2E_P01A";
+BA_ "FaultlineProtection" BO_ 4 "J1850";
+BA_ "FaultlineDataId" BO_ 1 1;
+BA_ "FaultlineDataId" BO_ 2 2;
+BA_ "FaultlineDataId" BO_ 3 3;
+BA_ "FaultlineRole" SG_ 1 K 1;
+BA_ "FaultlineRole" SG_ 1 Ck 3;
+BA_ "FaultlineRole" SG_ 1 SyncCrc 5;
+BA_ "FaultlineRole" SG_ 1 SyncAlive 4;
+BA_ "FaultlineRole" SG_ 2 PositionCycle 2;
+BA_ "FaultlineRole" SG_ 2 PositionCrc 5;
+BA_ "FaultlineRole" SG_ 2 PositionAlive 4;
+BA_ "FaultlineRole" SG_ 3 SpeedCycle 2;
+BA_ "FaultlineRole" SG_ 3 SpeedCrc 5;
+BA_ "FaultlineRole" SG_ 3 SpeedAlive 4;
+BA_ "FaultlineRole" SG_ 4 CommandCycle 2;
+BA_ "FaultlineRole" SG_ 4 CommandCrc 5;
+BA_ "FaultlineRole" SG_ 4 CommandAlive 4;
+)",
+                                    "protected.dbc");
+  return make_signal_map(dbc, {"y1", "y2"}, {"force"});
+}
+
 }  // namespace faultline

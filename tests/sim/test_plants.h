@@ -15,6 +15,10 @@ namespace faultline {
 /// SYNC, one sensor message per output and one command message, resolution 2^-10, 8-bit counters.
 [[nodiscard]] SignalMap double_integrator_map();
 
+/// Its bus with an alive counter and a checksum in every message: SYNC and Speed by E2E profile 1A,
+/// Position by profile 5, the command by J1850.
+[[nodiscard]] SignalMap protected_double_integrator_map();
+
 /// Keeps what was sent.
 class RecordingSink final : public FrameSink {
  public:

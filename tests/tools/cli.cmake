@@ -1,9 +1,20 @@
 # The program as a user meets it.
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 
-foreach(test IN ITEMS design_cli faultline_cli lcm_logger)
+foreach(test IN ITEMS can_cli design_cli faultline_cli integrity_cli lcm_logger)
   add_test(NAME ${test} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/${test}_test.py)
   set_tests_properties(${test} PROPERTIES
     TIMEOUT 120
     ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>")
 endforeach()
+
+# On real CAN sockets, which sanitized programs cannot have (see tests/drivers).
+if(NOT FAULTLINE_SANITIZER)
+  add_test(NAME can_bus
+    COMMAND ${PROJECT_SOURCE_DIR}/tools/with-vcan -t 120 -i vcan0 -i vcan1 --
+            ${Python3_EXECUTABLE} ${CMAKE_CURRENT_SOURCE_DIR}/can_bus_test.py)
+  set_tests_properties(can_bus PROPERTIES
+    LABELS vcan
+    TIMEOUT 150
+    ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>;WITH_VCAN_INIT=$<TARGET_FILE:vcan_init>")
+endif()

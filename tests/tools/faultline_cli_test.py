@@ -612,19 +612,27 @@ class BadInput(FolderTest):
         for words, old, new in (
                 (['found ";"', 'expected ":"'], sensors2, "BO_ 273 Sensors2§; 4 Plant"),
                 (["expected"], sensors2, "BO_ 273x ¶Sensors2: 4 Plant"),
-                (["99999"], sensors2, "BO_ §99999 Sensors2: 4 Plant"),
+                (["4294967296"], sensors2, "BO_ §4294967296 Sensors2: 4 Plant"),
                 (["whole number"], sensors2, "BO_ §-3 Sensors2: 4 Plant"),
                 (["expected a section"], sensors2, f"§nonsense\n{sensors2}"),
-                (["found number 0", "expected"], y3, " SG_ y3 : 0|24@1- (§0,0)"),
-                (['found "nan"', "factor"], y3, " SG_ y3 : 0|24@1- (§nan,0)"),
-                (["1e999"], y3, " SG_ y3 : 0|24@1- (§1e999,0)"),
-                (["found number 99", "bits"], y3, " SG_ y3 : 0|§99@1- (0.0001,0)"),
+                (["factor 0", "expected"], y3, " SG_ §y3 : 0|24@1- (0,0)"),
+                (["factor nan", "expected"], y3, " SG_ §y3 : 0|24@1- (nan,0)"),
+                (["factor inf", "finite"], y3, " SG_ §y3 : 0|24@1- (1e999,0)"),
+                (["99 bits", "expected 1 to 64"], y3, " SG_ §y3 : 0|99@1- (0.0001,0)"),
                 (["y3", "needs 5 bytes", "has 4"], y3, " SG_ §y3 : 10|24@1- (0.0001,0)"),
-                (["y3", "multiplexed"], y3, " SG_ §y3 m0 : 0|24@1- (0.0001,0)"),
                 (["string"], '[-800|800] "" Controller,Diagnosis\n SG_ Sensors2Cycle',
-                 '[-800|800] §3 Controller,Diagnosis\n SG_ Sensors2Cycle'),
-                (["9", "index"], role, role.replace(" 2;", " §9;"))):
+                 '[-800|800] §3 Controller,Diagnosis\n SG_ Sensors2Cycle')):
             self.refuse("bench.dbc", words, (old, new))
+        self.refuse("bench.dbc", ["y3", "multiplexed"], (y3, " SG_ §y3 m0 : 0|24@1- (0.0001,0)"),
+                    ("SG_ Sensors2Cycle :", "SG_ Sensors2Cycle M :"))
+        self.refuse("bench.dbc", ["Sensors2Cycle", "FaultlineRole", "expected"], (role, role.replace(" 2;", " 9;")),
+                    place="bench.dbc:24:6:")
+
+    def test_what_is_odd_in_a_dbc_is_told(self):
+        self.folder.patch("bench.dbc", ("BO_ 273 Sensors2: 4 Plant", "BO_ 99999 Sensors2: 4 Plant"),
+                          ("SG_ 273 Sensors2Cycle 2;", "SG_ 99999 Sensors2Cycle 2;"))
+        self.assertRegex(self.run_ok("run", "demo.toml", "--no-log").out,
+                         r"WARNING  .*bench\.dbc:22:5: .*99999.* taken for the extended identifier")
 
     def test_roles_that_conflict(self):
         self.refuse("bench.dbc", ["second", "role sync", "Sensors2", "Sync"], place="bench.dbc:24:6:", *[

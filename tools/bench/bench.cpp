@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "drivers/can/bus_group.h"
 #include "tools/bench/bench_run.h"
 
 namespace faultline {
@@ -44,6 +45,7 @@ BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
       diagnosis(inputs.map, inputs.bank, inputs.scenario.is_initial_state_known),
       publisher(make_publisher(inputs, options, diagnosis)),
       history(inputs.bank, diagnosis.decision_table().sets(), inputs.scenario, inputs.schedule),
+      watched_(buses_to_watch(*buses.diagnosis)),
       start_(steady_clock::now()),
       next_flush_(start_ + kFlushPeriod),
       next_progress_(start_),
@@ -78,7 +80,53 @@ void BenchRun::on_record(const DiagnosisRecord& record, std::int64_t utime) {
   }
 }
 
+std::vector<BenchRun::WatchedBus> BenchRun::buses_to_watch(const CanBus& bus) {
+  const auto* const group = dynamic_cast<const BusGroup*>(&bus);
+  if (group == nullptr) return {{.bus = &bus}};
+  std::vector<WatchedBus> watched;
+  for (std::size_t n = 0; n < group->size(); ++n) watched.push_back({.bus = &group->member(n)});
+  return watched;
+}
+
+void BenchRun::on_frame(const CanFrame& frame, std::int64_t utime) {
+  publisher.add_frame(frame, utime);
+  if (!frame.is_error || frame.bus >= watched_.size()) return;
+  const ErrorReport report = read_error_frame(frame);
+  WatchedBus& watched = watched_[frame.bus];
+  if (!report.state || report.state == watched.state) return;
+  watched.state = report.state;
+  const char* severity = "info";
+  if (report.state == ControllerState::kErrorWarning) severity = "warning";
+  if (report.state == ControllerState::kErrorPassive) severity = "warning";
+  if (report.state == ControllerState::kBusOff) severity = "error";
+  publisher.publish_event(-1, severity, "bus",
+                          fmt::format("{}: {}", watched.bus->name(), describe(report)), utime);
+}
+
+void BenchRun::watch_buses(double t_s, std::int64_t utime) {
+  for (WatchedBus& watched : watched_) {
+    const std::uint64_t outages = watched.bus->counters().outages;
+    const bool is_down = !watched.bus->is_up();
+    if (outages == watched.outages && is_down == watched.is_down) continue;
+    const auto cycle = std::llround(t_s / inputs.bank.sample_time_s);
+    const std::int64_t now = options.is_realtime ? utime_now() : utime;
+    // An outage may be over before anybody looks: both its ends are told all the same.
+    if (outages != watched.outages && !watched.is_down) {
+      publisher.publish_event(cycle, "error", "bus",
+                              fmt::format("bus {} is down", watched.bus->name()), now);
+      watched.is_down = true;
+    }
+    watched.outages = outages;
+    if (watched.is_down && !is_down) {
+      publisher.publish_event(cycle, "info", "bus",
+                              fmt::format("bus {} is back", watched.bus->name()), now);
+      watched.is_down = false;
+    }
+  }
+}
+
 bool BenchRun::attend(double t_s, std::int64_t utime) {
+  watch_buses(t_s, utime);
   const auto now = steady_clock::now();
   if (now >= next_flush_) {
     publisher.flush();
@@ -127,6 +175,7 @@ RunCounters BenchRun::counters_now() const {
 
 BenchResult BenchRun::finish(std::int64_t utime) {
   if (signal_ == 0) signal_ = stop_signal.poll();
+  watch_buses(time_of(plant.truth().cycle), utime);
   publisher.flush_frames();
   if (signal_ != 0) {
     publisher.publish_event(plant.truth().cycle, "warning", "bench", "stopped by a signal", utime);
@@ -141,6 +190,7 @@ BenchResult BenchRun::finish(std::int64_t utime) {
   const std::chrono::duration<double> wall = steady_clock::now() - start_;
   return {.history = std::move(history),
           .counters = final_counters,
+          .messages = diagnosis.message_counters(),
           .is_interrupted = signal_ != 0,
           .signal = signal_,
           .stop_reason = stop_reason_,

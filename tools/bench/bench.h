@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -13,8 +14,11 @@
 namespace faultline {
 
 struct BenchOptions {
-  std::string bus;           ///< "loop" or "can:IFACE"
+  std::string bus;           ///< "loop", or what open_bus opens
   bool is_realtime = false;  ///< absolute deadlines; else lock-step
+  /// How long a run in lock-step waits for a bus that is down, or takes nothing, before it ends. In
+  /// real time the cycles go on and the run ends at its time.
+  std::chrono::nanoseconds bus_patience = std::chrono::seconds(10);
   std::optional<std::filesystem::path> log;
   std::optional<std::string> lcm_url;
   /// Called about ten times a second while the bench runs; on the calling thread.
@@ -35,6 +39,8 @@ struct StopReason {
 struct BenchResult {
   RunHistory history;
   RunCounters counters;
+  /// What the diagnosis saw of each message, by its index in the SignalMap.
+  std::vector<MessageCounters> messages{};
   bool is_interrupted = false;            ///< stopped by SIGINT or SIGTERM
   int signal = 0;                         ///< which
   std::optional<StopReason> stop_reason;  ///< why it ended early otherwise

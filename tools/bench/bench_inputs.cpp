@@ -242,6 +242,27 @@ void check_plant_can_run(const Scenario& scenario, const PlantModel& plant, cons
   }
 }
 
+std::vector<std::string> warnings_of(const DbcDatabase& dbc) {
+  std::vector<std::string> texts;
+  for (const DbcWarning& warning : dbc.warnings) {
+    if (warning.severity != DbcSeverity::kWarning) continue;
+    texts.push_back(fmt::format("{}:{}:{}: {}", dbc.source, warning.position.line,
+                                warning.position.column, warning.text));
+  }
+  return texts;
+}
+
+/// The bench trusts its DBC: a statement that was not understood is no reason to guess.
+DbcDatabase read_whole_dbc(const std::filesystem::path& file) {
+  DbcDatabase dbc = read_dbc(file);
+  for (const DbcWarning& warning : dbc.warnings) {
+    if (warning.severity == DbcSeverity::kError) {
+      throw DbcError(dbc.source, warning.position, warning.text);
+    }
+  }
+  return dbc;
+}
+
 }  // namespace
 
 PlantModel read_requested_plant(const BankRequest& request) {
@@ -260,7 +281,7 @@ BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
   parts.push_back({"scenario", scenario.file.filename().string(), scenario.text});
   PlantModel plant = read_plant(require_file(scenario, "plant", scenario.plant));
   parts.push_back({"plant", scenario.plant.filename().string(), read_text(scenario.plant)});
-  const DbcDatabase dbc = read_dbc(require_file(scenario, "dbc", scenario.dbc));
+  const DbcDatabase dbc = read_whole_dbc(require_file(scenario, "dbc", scenario.dbc));
   parts.push_back({"dbc", scenario.dbc.filename().string(), read_text(scenario.dbc)});
   check_mapped_channels(scenario, plant);
   SignalMap map = map_signals(scenario, dbc, plant);
@@ -274,8 +295,9 @@ BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
   check_plant_can_run(scenario, plant, bank);
   ControlLaw law = make_control_law(scenario, plant, bank.sample_time_s);
   Eigen::VectorXd x_initial = initial_state(scenario, plant);
-  return {std::move(scenario), std::move(plant), std::move(bank),      std::move(map),
-          std::move(schedule), std::move(law),   std::move(x_initial), std::move(parts)};
+  return {std::move(scenario),  std::move(plant),    std::move(bank),
+          std::move(map),       std::move(schedule), std::move(law),
+          std::move(x_initial), std::move(parts),    warnings_of(dbc)};
 }
 
 }  // namespace faultline

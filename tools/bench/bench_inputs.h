@@ -31,6 +31,7 @@ struct BenchInputs {
   ControlLaw control_law;
   Eigen::VectorXd x_initial;  ///< absolute
   std::vector<RunPart> parts;
+  std::vector<std::string> dbc_warnings;  ///< "file:line:column: ..."
 };
 
 /// A bank that was asked for cannot be had: not every residual exists. A valid question with a

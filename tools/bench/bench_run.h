@@ -2,7 +2,10 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
+#include <vector>
 
+#include "drivers/can/error_frame.h"
 #include "sim/controller_node.h"
 #include "sim/plant_node.h"
 #include "tools/bench/bench.h"
@@ -24,8 +27,9 @@ class BenchRun {
 
   // Consumer side: called by one thread only, the one that publishes.
 
-  /// A frame the diagnosis node received.
-  void on_frame(const CanFrame& frame, std::int64_t utime) { publisher.add_frame(frame, utime); }
+  /// A frame the diagnosis node received. What an error frame says of the controller's state
+  /// becomes an EVENT.
+  void on_frame(const CanFrame& frame, std::int64_t utime);
   void on_record(const DiagnosisRecord& record, std::int64_t utime);
   void on_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime);
   /// Call often, with the time the run has come to: flushes, repeats RUN, shows progress, polls the
@@ -60,9 +64,22 @@ class BenchRun {
   RunHistory history;
 
  private:
+  /// A bus as the diagnosis node sees it, and what was last said of it.
+  struct WatchedBus {
+    const CanBus* bus = nullptr;
+    std::uint64_t outages = 0;
+    bool is_down = false;
+    std::optional<ControllerState> state;
+  };
+
+  /// An EVENT for each outage's begin and end. Their time is the wall clock's in real time, as no
+  /// frame comes during an outage.
+  void watch_buses(double t_s, std::int64_t utime);
+  [[nodiscard]] static std::vector<WatchedBus> buses_to_watch(const CanBus& bus);
   /// Counters as they stand, from the buses and from what came by here.
   [[nodiscard]] RunCounters counters_now() const;
 
+  std::vector<WatchedBus> watched_;
   std::chrono::steady_clock::time_point start_, next_flush_, next_progress_, next_repeat_;
   std::int64_t start_utime_;
   std::uint32_t cycle_count_;

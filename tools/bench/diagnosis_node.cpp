@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include <fmt/format.h>
+
 namespace faultline {
 namespace {
 
@@ -21,9 +23,19 @@ DiagnosisRecord::DiagnosisRecord(const Bank& bank)
       u(bank.input_names.size()),
       y_is_fresh(bank.output_names.size()),
       u_is_fresh(bank.input_names.size()),
+      y_state(bank.output_names.size()),
+      u_state(bank.input_names.size()),
+      y_age(bank.output_names.size()),
+      u_age(bank.input_names.size()),
       residual(static_cast<std::size_t>(bank.residual_rows())),
       evaluation(bank.filters.size()),
       fired(bank.filters.size()) {}
+
+std::string blame_text(const DiagnosisRecord& record) {
+  if (record.fault == MessageFault::kNone) return "";
+  if (record.blamed_message.empty()) return "no frames";
+  return fmt::format("{}: {}", record.blamed_message, message_fault_name(record.fault));
+}
 
 DiagnosisNode::DiagnosisNode(const SignalMap& map, const Bank& bank, bool is_initial_state_known)
     : sampler_(map),
@@ -33,6 +45,10 @@ DiagnosisNode::DiagnosisNode(const SignalMap& map, const Bank& bank, bool is_ini
       settling_(bank.decision.settle, evaluator_.signature().size()),
       onset_(evaluator_.signature().size()),
       record_(bank) {
+  message_names_.reserve(map.message_count());
+  for (std::size_t message = 0; message < map.message_count(); ++message) {
+    message_names_.push_back(map.message_name(message));
+  }
   if (!is_initial_state_known) evaluator_.contaminate_all();
 }
 
@@ -68,6 +84,26 @@ void DiagnosisNode::mark_contamination(const Sample& sample) noexcept {
   }
 }
 
+void DiagnosisNode::find_blame(const Sample& sample, const Decision& announced) noexcept {
+  if (announced.verdict != Verdict::kInhibited) {
+    blame_ = {};
+  } else if (blame_.fault == MessageFault::kNone) {
+    blame_ = sample.blame;
+  }
+  record_.fault = blame_.fault;
+  record_.blamed_message = blame_.message == Blame::kNoMessage
+                               ? std::string_view()
+                               : std::string_view(message_names_[blame_.message]);
+}
+
+std::vector<MessageCounters> DiagnosisNode::message_counters() const {
+  std::vector<MessageCounters> counters;
+  for (std::size_t message = 0; message < message_names_.size(); ++message) {
+    counters.push_back(sampler_.message_counters(message));
+  }
+  return counters;
+}
+
 void DiagnosisNode::on_sample(const Sample& sample, DiagnosisSink& sink) noexcept {
   mark_contamination(sample);
   bank_.step(sample.y, sample.u);
@@ -78,6 +114,7 @@ void DiagnosisNode::on_sample(const Sample& sample, DiagnosisSink& sink) noexcep
   const Decision& announced = settling_.step(decision, evaluator_.signature());
   if (!is_same_verdict(announced, record_.decision)) record_.since_cycle = sample.cycle;
   record_.onset = onset_.step(settling_, evaluator_, sample.cycle);
+  find_blame(sample, announced);
 
   record_.cycle = sample.cycle;
   record_.command_cycle = sample.command_cycle;
@@ -88,6 +125,12 @@ void DiagnosisNode::on_sample(const Sample& sample, DiagnosisSink& sink) noexcep
   copy_into(sample.u, record_.u);
   copy_into(sample.y_is_fresh, record_.y_is_fresh);
   copy_into(sample.u_is_fresh, record_.u_is_fresh);
+  copy_into(sample.y_state, record_.y_state);
+  copy_into(sample.u_state, record_.u_state);
+  copy_into(sample.y_age, record_.y_age);
+  copy_into(sample.u_age, record_.u_age);
+  record_.bad_frames = sampler_.counters().bad_frames();
+  record_.missing_messages = sampler_.counters().missing_messages;
   copy_into(bank_.residual(), record_.residual);
   copy_into(bank_.evaluation(), record_.evaluation);
   copy_into(evaluator_.fired(), record_.fired);

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "diagnosis/bank/bank.h"
 #include "diagnosis/runtime/decision.h"
 #include "diagnosis/runtime/evaluator.h"
@@ -16,6 +19,9 @@ namespace faultline {
 ///
 ///   frame → Sampler → ResidualBank → Evaluator → DecisionTable → Settling → OnsetTracker → record
 ///
+/// While a bad sample inhibits, the record names the message to blame: the first since the verdict
+/// became inhibited.
+///
 /// It only listens. What it finds is a function of the frames it is given, in their order, and of
 /// nothing else. Real-time: after construction it does not allocate, throw, lock or read a clock.
 class DiagnosisNode {
@@ -31,19 +37,24 @@ class DiagnosisNode {
   [[nodiscard]] const SamplerCounters& sampler_counters() const noexcept {
     return sampler_.counters();
   }
+  /// Per mapped message, by its index in the SignalMap. Not for the diagnosis thread.
+  [[nodiscard]] std::vector<MessageCounters> message_counters() const;
   [[nodiscard]] const DecisionTable& decision_table() const noexcept { return table_; }
 
  private:
   void take_samples(DiagnosisSink& sink) noexcept;
   void on_sample(const Sample& sample, DiagnosisSink& sink) noexcept;
   void mark_contamination(const Sample& sample) noexcept;
+  void find_blame(const Sample& sample, const Decision& announced) noexcept;
 
+  std::vector<std::string> message_names_;
   Sampler sampler_;
   ResidualBank bank_;
   Evaluator evaluator_;
   DecisionTable table_;
   Settling settling_;
   OnsetTracker onset_;
+  Blame blame_;  // of the present inhibition
   DiagnosisRecord record_;
 };
 

@@ -1,12 +1,15 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "diagnosis/bank/bank.h"
 #include "diagnosis/runtime/decision.h"
 #include "diagnosis/runtime/onset.h"
 #include "drivers/can/can_frame.h"
+#include "drivers/signal/sample.h"
 
 namespace faultline {
 
@@ -21,13 +24,25 @@ struct DiagnosisRecord {
   Timestamp stamp{};        ///< receive time of the frame that closed the sample
   std::vector<double> y, u;
   std::vector<std::uint8_t> y_is_fresh, u_is_fresh;
-  std::vector<double> residual;     ///< rows of all filters, stacked
-  std::vector<double> evaluation;   ///< per filter
-  std::vector<std::uint8_t> fired;  ///< per filter
-  Decision decision;                ///< the announced one
-  std::uint32_t since_cycle = 0;    ///< first cycle of its verdict and sets
-  Onset onset;                      ///< of the announced decision
+  std::vector<SignalState> y_state, u_state;
+  std::vector<std::uint32_t> y_age, u_age;  ///< samples; kNeverCame
+  std::vector<double> residual;             ///< rows of all filters, stacked
+  std::vector<double> evaluation;           ///< per filter
+  std::vector<std::uint8_t> fired;          ///< per filter
+  Decision decision;                        ///< the announced one
+  std::uint32_t since_cycle = 0;            ///< first cycle of its verdict and sets
+  Onset onset;                              ///< of the announced decision
+
+  /// While inhibited: what the first message to blame did; kNone: nothing, or start-up or a reset.
+  MessageFault fault = MessageFault::kNone;
+  /// Its name; empty if no frame came at all. Belongs to the DiagnosisNode, valid as long as that.
+  std::string_view blamed_message;
+  std::uint64_t bad_frames = 0;        ///< came and were not used, since the start
+  std::uint64_t missing_messages = 0;  ///< SYNC and sensor messages, since the start
 };
+
+/// "Sensors1: wrong CRC", "no frames"; empty if nothing is to blame.
+[[nodiscard]] std::string blame_text(const DiagnosisRecord& record);
 
 /// Where the diagnosis node puts what it received and what it found. Called on the diagnosis
 /// thread.

@@ -5,13 +5,12 @@
 
 #include <fmt/format.h>
 
-#include "drivers/can/socketcan_bus.h"
+#include "drivers/can/open_bus.h"
 
 namespace faultline {
 namespace {
 
 constexpr std::string_view kLoop = "loop";
-constexpr std::string_view kCanPrefix = "can:";
 
 std::vector<IdFilter> plant_filters(const SignalMap& map) {
   std::vector<IdFilter> filters;
@@ -33,13 +32,19 @@ std::vector<IdFilter> controller_filters(const SignalMap& map) {
 }  // namespace
 
 bool is_bus_name(const std::string& bus) noexcept {
-  return bus == kLoop || (bus.starts_with(kCanPrefix) && bus.size() > kCanPrefix.size());
+  if (bus == kLoop) return true;
+  try {
+    check_bus_names(bus);
+    return true;
+  } catch (...) {
+    return false;
+  }
 }
 
 Endpoints open_endpoints(const std::string& bus, const SignalMap& map) {
   if (!is_bus_name(bus)) {
     throw std::invalid_argument(
-        fmt::format("bus: found \"{}\", expected \"loop\" or \"can:IFACE\", e.g. can:vcan0", bus));
+        fmt::format("bus: found \"{}\", expected {}, e.g. can:vcan0", bus, kBusNamesHelp));
   }
   Endpoints endpoints;
   if (bus == kLoop) {
@@ -48,10 +53,9 @@ Endpoints open_endpoints(const std::string& bus, const SignalMap& map) {
     endpoints.controller = endpoints.loop->attach();
     endpoints.diagnosis = endpoints.loop->attach();
   } else {
-    const std::string interface_name = bus.substr(kCanPrefix.size());
-    endpoints.plant = open_socketcan(interface_name);
-    endpoints.controller = open_socketcan(interface_name);
-    endpoints.diagnosis = open_socketcan(interface_name);
+    endpoints.plant = open_bus(bus);
+    endpoints.controller = open_bus(bus);
+    endpoints.diagnosis = open_bus(bus);
   }
   endpoints.plant->set_filters(plant_filters(map));
   endpoints.controller->set_filters(controller_filters(map));

@@ -15,10 +15,15 @@ struct Endpoints {
   std::unique_ptr<CanBus> plant, controller, diagnosis;
 };
 
-/// Whether `bus` reads as "loop" or "can:IFACE".
+/// What a bench runs on, for help and messages.
+inline constexpr char kBusNamesHelp[] =
+    "loop (in-process), can:IFACE (SocketCAN), udp:GROUP:PORT (python-can's udp_multicast), or "
+    "several of the latter two with commas between them";
+
+/// Whether `bus` reads as "loop" or as what `open_bus` opens.
 [[nodiscard]] bool is_bus_name(const std::string& bus) noexcept;
 
-/// Opens `bus`: "loop", or "can:IFACE".
+/// Opens `bus`: "loop", or what `open_bus` opens. Of several buses the nodes send on the first.
 /// @throws BusError it cannot be opened; std::invalid_argument no such kind of bus.
 [[nodiscard]] Endpoints open_endpoints(const std::string& bus, const SignalMap& map);
 

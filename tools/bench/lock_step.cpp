@@ -1,5 +1,6 @@
 #include <array>
 #include <chrono>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -52,9 +53,29 @@ class DirectSink final : public DiagnosisSink {
   std::exception_ptr error_;
 };
 
+/// Sends a node's frames and keeps those of the cycle: what an outage swallowed is sent again.
+class CycleSink final : public FrameSink {
+ public:
+  explicit CycleSink(CanBus& bus) : bus_(&bus) {}
+  bool send(const CanFrame& frame) noexcept override {
+    frames_.push_back(frame);
+    return bus_->send(frame);
+  }
+  void begin_cycle() noexcept { frames_.clear(); }
+  void send_again() noexcept { bus_->send_batch(frames_); }
+
+ private:
+  CanBus* bus_;
+  std::vector<CanFrame> frames_;
+};
+
 class LockStep {
  public:
-  explicit LockStep(BenchRun& run) : run_(run), sink_(run) {}
+  explicit LockStep(BenchRun& run)
+      : run_(run),
+        sink_(run),
+        from_plant_(*run.buses.plant),
+        from_controller_(*run.buses.controller) {}
 
   void run() {
     for (std::uint32_t k = 0; k < run_.cycle_count(); ++k) {
@@ -75,7 +96,10 @@ class LockStep {
  private:
   /// @return false if the run cannot go on.
   bool run_cycle(std::uint32_t k, std::int64_t utime) {
-    run_.plant.on_cycle(k, *run_.buses.plant);
+    losses_ = count_losses();
+    from_plant_.begin_cycle();
+    from_controller_.begin_cycle();
+    run_.plant.on_cycle(k, from_plant_);
     run_.on_truth(run_.plant.truth(), run_.plant.state(), utime);
     if (!run_.plant.is_finite()) {
       run_.stop({StopReason::Kind::kPlant,
@@ -89,20 +113,32 @@ class LockStep {
     return true;
   }
 
+  /// Reads what is there for plant and controller. @return whether there was anything.
+  bool serve_nodes(std::chrono::nanoseconds wait) {
+    const ReceiveResult measured = run_.buses.controller->receive(batch_, wait);
+    for (std::size_t i = 0; i < measured.count; ++i) {
+      run_.controller.on_frame(batch_[i], from_controller_);
+    }
+    const ReceiveResult commanded = run_.buses.plant->receive(batch_, std::chrono::nanoseconds(0));
+    for (std::size_t i = 0; i < commanded.count; ++i) run_.plant.on_frame(batch_[i]);
+    return measured.count + commanded.count > 0;
+  }
+
   bool await_command(std::uint32_t k) {
     std::chrono::nanoseconds wait{0};
-    std::optional<steady_clock::time_point> deadline;
+    std::optional<steady_clock::time_point> deadline, outage_deadline;
     while (!run_.plant.has_command(k)) {
-      const ReceiveResult measured = run_.buses.controller->receive(batch_, wait);
-      for (std::size_t i = 0; i < measured.count; ++i) {
-        run_.controller.on_frame(batch_[i], *run_.buses.controller);
-      }
-      const ReceiveResult commanded =
-          run_.buses.plant->receive(batch_, std::chrono::nanoseconds(0));
-      for (std::size_t i = 0; i < commanded.count; ++i) run_.plant.on_frame(batch_[i]);
-      if (measured.count + commanded.count > 0) continue;
+      if (serve_nodes(wait)) continue;
       wait = kPollInterval;
       const auto now = steady_clock::now();
+      if (has_lost_frames()) {
+        if (!outage_deadline) outage_deadline = now + run_.options.bus_patience;
+        if (!await_bus(k, *outage_deadline)) return false;
+        from_plant_.send_again();
+        from_controller_.send_again();
+        deadline.reset();
+        continue;
+      }
       if (!deadline) deadline = now + kAnswerTimeout;
       if (now < *deadline) continue;
       run_.stop({StopReason::Kind::kBus,
@@ -112,6 +148,43 @@ class LockStep {
       return false;
     }
     return true;
+  }
+
+  /// Outages seen by plant and controller, and frames their buses refused.
+  [[nodiscard]] std::uint64_t count_losses() const noexcept {
+    const BusCounters sum = run_.buses.plant->counters() + run_.buses.controller->counters();
+    return sum.outages + sum.send_errors;
+  }
+
+  /// Whether a bus lost or refused frames since the last call in this cycle, or is down.
+  bool has_lost_frames() noexcept {
+    const std::uint64_t losses = count_losses();
+    const bool has_lost = losses != losses_;
+    losses_ = losses;
+    return has_lost || !run_.buses.plant->is_up() || !run_.buses.controller->is_up();
+  }
+
+  /// Waits until all endpoints are up. @return false if the run cannot go on.
+  bool await_bus(std::uint32_t k, steady_clock::time_point deadline) {
+    const double t_s = run_.time_of(k);
+    for (;;) {
+      drain_diagnosis(std::chrono::milliseconds(0));
+      sink_.rethrow();
+      if (run_.attend(t_s, run_.utime_of(t_s))) return false;
+      if (steady_clock::now() >= deadline) {
+        run_.stop(
+            {StopReason::Kind::kBus,
+             fmt::format("{} was down, or took no frames, for {:g} s in cycle {}",
+                         run_.buses.plant->name(),
+                         std::chrono::duration<double>(run_.options.bus_patience).count(), k)});
+        return false;
+      }
+      serve_nodes(kPollInterval);
+      if (run_.buses.plant->is_up() && run_.buses.controller->is_up() &&
+          run_.buses.diagnosis->is_up()) {
+        return true;
+      }
+    }
   }
 
   void drain_diagnosis(std::chrono::nanoseconds wait) {
@@ -126,6 +199,8 @@ class LockStep {
 
   BenchRun& run_;
   DirectSink sink_;
+  CycleSink from_plant_, from_controller_;
+  std::uint64_t losses_ = 0;
   std::array<CanFrame, kBatch> batch_{};
 };
 

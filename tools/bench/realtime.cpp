@@ -2,6 +2,7 @@
 #include <atomic>
 #include <chrono>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -149,11 +150,11 @@ class Realtime {
     is_diagnosis_over_ = true;
   }
 
+  /// A bus that is down comes back, and the cycles go on meanwhile: BenchRun tells of it.
   void watch(const ReceiveResult& received, const CanBus& bus) {
-    if (received.status == ReceiveStatus::kDown)
-      fail({StopReason::Kind::kBus, bus.name() + " went down"});
-    if (received.status == ReceiveStatus::kError)
-      fail({StopReason::Kind::kBus, bus.name() + " failed"});
+    if (received.status != ReceiveStatus::kError) return;
+    fail({StopReason::Kind::kBus, fmt::format("{} failed: {}", bus.name(),
+                                              std::generic_category().message(bus.last_error()))});
   }
 
   void fail(StopReason reason) {

@@ -96,6 +96,7 @@ VerdictEntry RunHistory::entry_of(const DiagnosisRecord& record, double t_s) con
     entry.onset_s = static_cast<double>(record.onset.cycle) * bank_->sample_time_s;
   }
   entry.note = note_of(record);
+  entry.blame = blame_text(record);
   return entry;
 }
 
@@ -134,6 +135,9 @@ void RunHistory::on_record(const DiagnosisRecord& record) {
   } else if (record.decision.cause != last_decision_->cause) {
     verdicts_.back().cause = now_.cause = record.decision.cause;
     verdicts_.back().note = now_.note = note_of(record);
+  }
+  if (now_.blame.empty() && record.fault != MessageFault::kNone) {
+    verdicts_.back().blame = now_.blame = blame_text(record);
   }
   last_decision_ = record.decision;
   now_.t_s = t_s;
@@ -234,6 +238,7 @@ bool RunHistory::are_expectations_met() const {
 
 std::string verdict_text(const VerdictEntry& entry) {
   const std::string name(verdict_name(entry.verdict));
+  if (!entry.blame.empty()) return fmt::format("{} ({})", name, entry.blame);
   const std::string sets =
       entry.verdict == Verdict::kUnexplained ? std::string() : sets_text(entry.sets);
   return sets.empty() ? name : name + " " + sets;

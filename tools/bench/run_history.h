@@ -34,6 +34,7 @@ struct VerdictEntry {
   std::optional<double> onset_s{};
   std::vector<EstimateEntry> estimates{};  ///< isolated: the last ones, in the order of the set
   std::string no_estimate{};               ///< isolated: why there are none
+  std::string blame{};                     ///< inhibited: "Sensors1: wrong CRC"; may be empty
 };
 
 /// An injected bias that is smaller than what the bank is sure to isolate.
@@ -111,7 +112,8 @@ class RunHistory {
   std::uint64_t samples_ = 0;
 };
 
-/// "isolated u2, u3", "ambiguous u1, u2 | u3, u4", "unexplained", "healthy".
+/// "isolated u2, u3", "ambiguous u1, u2 | u3, u4", "unexplained", "healthy", "inhibited (Sensors1:
+/// wrong CRC)".
 [[nodiscard]] std::string verdict_text(const VerdictEntry& entry);
 
 /// What is known beyond verdict_text: "u2 = 2.00 +- 0.01, u3 = 2.00 +- 0.01; onset 3.99 s; they

@@ -16,6 +16,7 @@
 
 #include "diagnosis/model/digest.h"
 #include "tools/bench/channels.h"
+#include "tools/bench/frame_message.h"
 
 namespace faultline {
 namespace {
@@ -31,17 +32,6 @@ std::int64_t signed_command_cycle(std::uint32_t command_cycle) {
   return command_cycle == kNoCommand ? -1 : static_cast<std::int64_t>(command_cycle);
 }
 
-std::int8_t frame_flags(const CanFrame& frame) {
-  int flags = 0;
-  if (frame.is_extended) flags |= can_frame_t::EXTENDED;
-  if (frame.is_fd) flags |= can_frame_t::FD;
-  if (frame.is_bit_rate_switched) flags |= can_frame_t::BIT_RATE_SWITCH;
-  if (frame.is_error_state) flags |= can_frame_t::ERROR_STATE;
-  if (frame.is_remote) flags |= can_frame_t::REMOTE;
-  if (frame.is_error) flags |= can_frame_t::ERROR;
-  return static_cast<std::int8_t>(flags);
-}
-
 // Per output: the step between values that its signal can carry; 0 for a float.
 std::vector<double> output_resolution(const BenchInputs& inputs) {
   std::vector<double> resolution(inputs.bank.output_names.size());
@@ -51,6 +41,19 @@ std::vector<double> output_resolution(const BenchInputs& inputs) {
     }
   }
   return resolution;
+}
+
+/// A byte per channel; more than a byte holds is 255.
+void copy_ages(const std::vector<std::uint32_t>& ages, std::vector<std::uint8_t>& out) {
+  constexpr std::uint32_t kMost = 255;
+  out.clear();
+  for (const std::uint32_t age : ages)
+    out.push_back(static_cast<std::uint8_t>(std::min(age, kMost)));
+}
+
+void copy_states(const std::vector<SignalState>& states, std::vector<std::uint8_t>& out) {
+  out.clear();
+  for (const SignalState state : states) out.push_back(static_cast<std::uint8_t>(state));
 }
 
 std::int64_t as_signed(std::uint64_t count) { return static_cast<std::int64_t>(count); }
@@ -147,13 +150,9 @@ void RunPublisher::send_parts(std::int64_t utime, bool live_only) {
 
 void RunPublisher::add_frame(const CanFrame& frame, std::int64_t utime) {
   can_t& can = messages_->can;
-  if (can.frames.size() == kFramesPerBatch) flush_frames();
-  can_frame_t& out = can.frames.emplace_back();
-  out.stamp_ns = frame.stamp.time_since_epoch().count();
-  out.id = static_cast<std::int32_t>(frame.id);
-  out.flags = frame_flags(frame);
-  out.length = static_cast<std::int8_t>(frame.length);
-  out.data.assign(frame.data.begin(), frame.data.begin() + frame.length);
+  if (can.frames.size() == kFramesPerBatch || can.bus != frame.bus) flush_frames();
+  can.bus = frame.bus;
+  can.frames.push_back(to_message(frame));
   can.utime = utime;
 }
 
@@ -178,6 +177,10 @@ const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
   sample.u = record.u;
   sample.y_is_fresh = record.y_is_fresh;
   sample.u_is_fresh = record.u_is_fresh;
+  copy_states(record.y_state, sample.y_state);
+  copy_states(record.u_state, sample.u_state);
+  copy_ages(record.y_age, sample.y_age);
+  copy_ages(record.u_age, sample.u_age);
   publish(kSampleChannel, messages_->sample_sequence, sample);
 
   residual_t& residual = messages_->residual;
@@ -194,13 +197,14 @@ const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
   } else {
     estimator_.restart();
   }
+  follow_inhibition(record, utime);
   const bool is_isolated = record.decision.verdict == Verdict::kIsolated;
   if (is_first_record_ || !is_same_verdict(record.decision, last_decision_)) {
     is_estimate_pending_ = is_isolated;
     estimate_.onset_cycle = record.onset.cycle;
   }
   const bool is_diagnosis_due = is_first_record_ || record.decision != last_decision_ ||
-                                record.cycle % cycles_per_second_ == 0;
+                                is_blame_new_ || record.cycle % cycles_per_second_ == 0;
   const bool is_estimate_due =
       is_isolated && (is_diagnosis_due || (is_estimate_pending_ &&
                                            estimator_.is_window_behind(record.onset.last_cycle)));
@@ -213,6 +217,33 @@ const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
   return &estimate_;
 }
 
+/// EVENTs when a message inhibits the diagnosis and when that is over; one for each time.
+void RunPublisher::follow_inhibition(const DiagnosisRecord& record, std::int64_t utime) {
+  const bool is_inhibited = record.decision.verdict == Verdict::kInhibited;
+  is_blame_new_ = is_inhibited && blame_.empty() && record.fault != MessageFault::kNone;
+  if (is_blame_new_) {
+    blame_ = blame_text(record);
+    inhibited_at_ = record.cycle;
+    bad_frames_then_ = last_bad_frames_;
+    missing_then_ = last_missing_;
+    publish_event(record.cycle, "warning", "diagnosis",
+                  fmt::format("diagnosis inhibited: {}{}",
+                              record.blamed_message.empty() ? "" : "message ", blame_),
+                  utime);
+  } else if (!is_inhibited && !blame_.empty()) {
+    const double duration_s = (record.cycle - inhibited_at_) * inputs_->bank.sample_time_s;
+    publish_event(record.cycle, "info", "diagnosis",
+                  fmt::format("diagnosis recovered after {:.6g} s ({}): {} bad frames, {} messages "
+                              "missing",
+                              duration_s, blame_, last_bad_frames_ - bad_frames_then_,
+                              last_missing_ - missing_then_),
+                  utime);
+    blame_.clear();
+  }
+  last_bad_frames_ = record.bad_frames;
+  last_missing_ = record.missing_messages;
+}
+
 void RunPublisher::publish_diagnosis(const DiagnosisRecord& record, std::int64_t utime) {
   diagnosis_t& diagnosis = messages_->diagnosis;
   diagnosis.utime = utime;
@@ -221,6 +252,7 @@ void RunPublisher::publish_diagnosis(const DiagnosisRecord& record, std::int64_t
   diagnosis.onset_cycle = record.onset.cycle;
   diagnosis.verdict = verdict_name(record.decision.verdict);
   diagnosis.cause = cause_name(record.decision.cause);
+  diagnosis.blame = blame_text(record);
   diagnosis.set_total = static_cast<std::int32_t>(record.decision.set_count);
   const std::size_t listed = std::min<std::size_t>(record.decision.set_count, Decision::kMaxListed);
   diagnosis.set_count = static_cast<std::int32_t>(listed);

@@ -55,7 +55,8 @@ class RunPublisher {
   /// CAN: sends what is collected.
   void flush_frames();
 
-  /// SAMPLE, RESIDUAL, and DIAGNOSIS and ESTIMATE when due.
+  /// SAMPLE, RESIDUAL, and DIAGNOSIS, ESTIMATE and EVENT (a message inhibits the diagnosis; it has
+  /// recovered) when due.
   /// @return the ESTIMATE if one was sent, valid until the next call; else null.
   const FaultEstimate* publish_record(const DiagnosisRecord& record, std::int64_t utime);
   /// TRUTH, when due. `x` is the absolute state.
@@ -78,6 +79,7 @@ class RunPublisher {
   void publish(const char* channel, std::int64_t& sequence, Message& message);
   void send_parts(std::int64_t utime, bool live_only);
   void publish_diagnosis(const DiagnosisRecord& record, std::int64_t utime);
+  void follow_inhibition(const DiagnosisRecord& record, std::int64_t utime);
   void publish_estimate(const DiagnosisRecord& record, std::int64_t utime);
   void estimate(const DiagnosisRecord& record);
 
@@ -91,6 +93,11 @@ class RunPublisher {
   std::int64_t frame_count_ = 0;
   bool is_first_record_ = true;
   Decision last_decision_;
+  std::string blame_;  // of the inhibition announced by an EVENT; empty: none is
+  bool is_blame_new_ = false;
+  std::uint32_t inhibited_at_ = 0;
+  // Totals when it began, and of the last record.
+  std::uint64_t bad_frames_then_ = 0, missing_then_ = 0, last_bad_frames_ = 0, last_missing_ = 0;
   MagnitudeEstimator estimator_;
   FaultEstimate estimate_;
   bool is_estimate_pending_ = false;  // a set is isolated, and not estimated yet

@@ -19,6 +19,7 @@ Json verdict_json(const VerdictEntry& entry) {
     json["candidates"] = entry.sets;
   }
   json["cause"] = cause_name(entry.cause);
+  if (entry.verdict == Verdict::kInhibited) json["blame"] = entry.blame;
   json["onset_s"] = seconds_or_null(entry.onset_s);
   if (entry.verdict == Verdict::kIsolated) {
     json["estimates"] = Json::array();
@@ -103,6 +104,56 @@ void print_residuals(std::FILE* out, const Bank& bank, const RunHistory& history
   }
 }
 
+std::string integrity_text(const MessageCounters& counters) {
+  const IntegrityCounters& found = counters.integrity;
+  std::vector<std::string> parts;
+  const auto add = [&](std::uint64_t count, std::string_view what) {
+    if (count > 0) parts.push_back(fmt::format("{} {}", count, what));
+  };
+  add(found.wrong_crc, "wrong CRC");
+  add(found.repeated, "repeated");
+  add(found.out_of_range, "counter out of range");
+  add(found.too_short, "too short");
+  add(found.gaps, found.gaps == 1 ? "gap" : "gaps");
+  add(found.lost, "lost");
+  return fmt::format("{} (of {} frames)", fmt::join(parts, ", "), found.frames);
+}
+
+void print_integrity(std::FILE* out, const SignalMap& map,
+                     const std::vector<MessageCounters>& messages) {
+  for (std::size_t i = 0; i < messages.size(); ++i) {
+    if (messages[i].is_integrity_clean()) continue;
+    fmt::print(out, "  WARNING  {}: {}\n", map.message_name(i), integrity_text(messages[i]));
+  }
+}
+
+Json message_json(const std::string& name, const MessageCounters& counters) {
+  const IntegrityCounters& found = counters.integrity;
+  return {{"message", name},
+          {"frames", found.frames},
+          {"missing", counters.missing},
+          {"late", counters.late},
+          {"came_twice", counters.repeated},
+          {"too_short", counters.too_short},
+          {"not_finite", counters.not_finite},
+          {"wrong_crc", found.wrong_crc},
+          {"counter_repeated", found.repeated},
+          {"counter_out_of_range", found.out_of_range},
+          {"counter_gaps", found.gaps},
+          {"counter_lost", found.lost}};
+}
+
+void print_dbc_warnings(std::FILE* out, const std::vector<std::string>& warnings) {
+  constexpr std::size_t kShown = 3;
+  for (std::size_t i = 0; i < std::min(warnings.size(), kShown); ++i) {
+    fmt::print(out, "  WARNING  {}\n", warnings[i]);
+  }
+  if (warnings.size() > kShown) {
+    fmt::print(out, "  WARNING  and {} more about the DBC (faultline can dbc check)\n",
+               warnings.size() - kShown);
+  }
+}
+
 }  // namespace
 
 void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions& options,
@@ -121,6 +172,8 @@ void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions
              counters.frames_sent, counters.frames_received, counters.frames_dropped,
              counters.send_errors, counters.cycles, counters.late_cycles, counters.overruns,
              counters.samples, counters.bad_samples);
+  print_integrity(out, inputs.map, result.messages);
+  print_dbc_warnings(out, inputs.dbc_warnings);
   if (counters.clamped_values > 0) {
     fmt::print(out, "  WARNING  {} values did not fit their signals and were sent clamped\n",
                counters.clamped_values);
@@ -175,6 +228,10 @@ nlohmann::ordered_json summary_json(const BenchInputs& inputs, const BenchOption
                     {"send_errors", counters.send_errors}};
   json["cycles"] = {
       {"total", counters.cycles}, {"late", counters.late_cycles}, {"overruns", counters.overruns}};
+  json["messages"] = Json::array();
+  for (std::size_t i = 0; i < result.messages.size(); ++i) {
+    json["messages"].push_back(message_json(inputs.map.message_name(i), result.messages[i]));
+  }
   json["clamped_values"] = counters.clamped_values;
   json["records_dropped"] = counters.records_dropped;
   json["log"] = options.log ? Json(options.log->string()) : Json(nullptr);

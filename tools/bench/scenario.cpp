@@ -129,8 +129,7 @@ Scenario read_scenario(const std::filesystem::path& file) {
   scenario.dbc = folder / root.string("dbc");
   if (const auto bus = root.optional_string("bus")) {
     if (!is_bus_name(*bus)) {
-      throw root.error("bus",
-                       fmt::format("found \"{}\", expected \"loop\" or \"can:IFACE\"", *bus));
+      throw root.error("bus", fmt::format("found \"{}\", expected {}", *bus, kBusNamesHelp));
     }
     scenario.bus = *bus;
   }

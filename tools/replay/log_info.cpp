@@ -2,7 +2,6 @@
 
 #include <cerrno>
 #include <cstdint>
-#include <cstring>
 #include <fstream>
 #include <set>
 #include <span>
@@ -20,15 +19,12 @@
 #include <faultline/stats_t.hpp>
 #include <faultline/truth_t.hpp>
 #include <fmt/format.h>
-#include <lcm/lcm-cpp.hpp>
 
 #include "tools/bench/channels.h"
-#include "tools/replay/message_layout.h"
+#include "tools/replay/log_event.h"
 
 namespace faultline {
 namespace {
-
-constexpr unsigned char kLogMagic[4] = {0xED, 0xA1, 0xDA, 0x01};
 
 void check_is_log(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
@@ -36,22 +32,12 @@ void check_is_log(const std::filesystem::path& file) {
     throw std::system_error(in ? EISDIR : errno, std::generic_category(),
                             "cannot read " + file.string());
   }
-  char first[sizeof kLogMagic] = {};
-  in.read(first, sizeof first);
-  if (in.gcount() != sizeof first || std::memcmp(first, kLogMagic, sizeof first) != 0) {
+  std::string first(kLogMagic.size(), '\0');
+  in.read(first.data(), static_cast<std::streamsize>(first.size()));
+  if (first != kLogMagic) {
     throw std::invalid_argument(
         fmt::format("{}: found no LCM event at its start, expected an LCM log", file.string()));
   }
-}
-
-template <class Message>
-bool is_decoded(const lcm::LogEvent& event, std::string_view layout, Message& message) {
-  constexpr std::size_t kFingerprintBytes = 8;
-  const std::span bytes(static_cast<const std::uint8_t*>(event.data),
-                        static_cast<std::size_t>(event.datalen));
-  return bytes.size() >= kFingerprintBytes &&
-         laid_out_size(layout, bytes.subspan(kFingerprintBytes)) &&
-         message.decode(event.data, 0, event.datalen) >= 0;
 }
 
 class InfoReader {
@@ -100,7 +86,7 @@ class InfoReader {
   void take_as(const lcm::LogEvent& event, std::string_view layout, LogInfo::Channel& channel,
                const Action& action) {
     Message message;
-    if (!is_decoded(event, layout, message)) {
+    if (!decode_event(event, layout, message)) {
       ++info_.undecodable;
       return;
     }
@@ -126,6 +112,7 @@ class InfoReader {
     if (!info_.verdicts.empty() && info_.verdicts.back().verdict == diagnosis.verdict &&
         info_.verdicts.back().sets == sets) {
       info_.verdicts.back().cause = diagnosis.cause;
+      if (info_.verdicts.back().blame.empty()) info_.verdicts.back().blame = diagnosis.blame;
       return;
     }
     info_.verdicts.push_back({diagnosis.cycle,
@@ -134,7 +121,8 @@ class InfoReader {
                               diagnosis.cause,
                               diagnosis.onset_cycle,
                               std::move(sets),
-                              {}});
+                              {},
+                              diagnosis.blame});
   }
 
   // Of the verdict before it. One without values does not unsay the last.

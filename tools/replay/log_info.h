@@ -32,6 +32,7 @@ struct LogInfo {
     std::int64_t onset_cycle = -1;  ///< the estimated one where there is an estimate; -1: none
     std::vector<std::vector<std::string>> sets;
     std::vector<Estimate> estimates;  ///< the last ones of this verdict
+    std::string blame;  ///< inhibited: the first message to blame and what it did; may be empty
   };
   std::uint64_t messages = 0;
   double duration_s = 0.0;

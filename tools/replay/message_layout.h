@@ -24,9 +24,9 @@ namespace faultline {
 namespace layout {
 inline constexpr std::string_view kRun = "qqssssiiNB";
 inline constexpr std::string_view kCan = "qqqiN(qicLB)";
-inline constexpr std::string_view kSample = "qqqqiNQBNQB";
+inline constexpr std::string_view kSample = "qqqqiNQBBBNQBBB";
 inline constexpr std::string_view kResidual = "qqqNQNQQB";
-inline constexpr std::string_view kDiagnosis = "qqqqqssiN(NS)";
+inline constexpr std::string_view kDiagnosis = "qqqqqsssiN(NS)";
 inline constexpr std::string_view kEstimate = "qqqqsNSQQQ";
 inline constexpr std::string_view kTruth = "qqqN(ssq)NQ";
 inline constexpr std::string_view kEvent = "qqqsss";

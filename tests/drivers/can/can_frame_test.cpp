@@ -59,5 +59,17 @@ TEST(CanFrame, IsTheSameOnTheWireWhateverItsStamp) {
   EXPECT_FALSE(same_on_wire(a, b));
 }
 
+TEST(CanFrame, IsNoErrorFrameAndSomethingElseAtOnce) {
+  CanFrame frame;
+  frame.is_error = true;
+  frame.id = kMaxExtendedId;
+  EXPECT_TRUE(is_well_formed(frame));
+  frame.is_extended = true;
+  EXPECT_FALSE(is_well_formed(frame));
+  frame.is_extended = false;
+  frame.is_remote = true;
+  EXPECT_FALSE(is_well_formed(frame));
+}
+
 }  // namespace
 }  // namespace faultline

@@ -65,6 +65,18 @@ TEST(LoopBus, CarriesFdFramesWithAllTheirFlags) {
   EXPECT_TRUE(same_on_wire(received[0], frame));
 }
 
+TEST(LoopBus, KeepsTheTagOfTheBusAsSent) {
+  LoopBus bus;
+  const auto a = bus.attach();
+  const auto b = bus.attach();
+  CanFrame frame = frame_with(1);
+  frame.bus = 3;
+  ASSERT_TRUE(a->send(frame));
+  const auto received = receive_all(*b);
+  ASSERT_EQ(received.size(), 1u);
+  EXPECT_EQ(received[0].bus, 3);
+}
+
 TEST(LoopBus, DeliversZeroBeyondThePayload) {
   LoopBus bus;
   const auto a = bus.attach();

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <thread>
 #include <vector>
@@ -15,6 +14,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/allocation_guard.h"
+#include "tests/support/bus_traffic.h"
 
 // Needs vcan0 and vcan1 up: run inside tools/with-vcan -i vcan0 -i vcan1.
 
@@ -22,55 +22,6 @@ namespace faultline {
 namespace {
 
 using namespace std::chrono_literals;
-
-/// Longer than anything should take, also in a user-mode kernel.
-constexpr auto kPatience = 5s;
-
-CanFrame frame_with(std::uint32_t id, std::uint8_t first_byte = 0) {
-  CanFrame frame;
-  frame.id = id;
-  frame.length = 8;
-  for (std::uint8_t n = 0; n < 8; ++n) frame.data[n] = static_cast<std::uint8_t>(first_byte + n);
-  return frame;
-}
-
-CanFrame fd_frame_with(std::uint32_t id, std::uint8_t length) {
-  CanFrame frame;
-  frame.id = id;
-  frame.is_fd = true;
-  frame.length = length;
-  for (std::uint8_t n = 0; n < length; ++n) frame.data[n] = static_cast<std::uint8_t>(0xFF - n);
-  return frame;
-}
-
-/// Reads until `count` frames are here, or kPatience is over.
-std::vector<CanFrame> receive(CanBus& bus, std::size_t count) {
-  std::vector<CanFrame> frames;
-  std::array<CanFrame, SocketCanBus::kBatch> batch;
-  while (frames.size() < count) {
-    const ReceiveResult result = bus.receive(batch, kPatience);
-    if (result.status != ReceiveStatus::kOk) break;
-    frames.insert(frames.end(), batch.begin(),
-                  batch.begin() + static_cast<std::ptrdiff_t>(result.count));
-  }
-  return frames;
-}
-
-/// After a flood the kernel delivers what was sent a moment later than `send` returns: a bus on
-/// which nothing has come for so long is quiet.
-constexpr auto kQuiet = 50ms;
-
-/// Reads until the bus is quiet.
-std::vector<CanFrame> drain(CanBus& bus) {
-  std::vector<CanFrame> frames;
-  std::array<CanFrame, SocketCanBus::kBatch> batch;
-  for (;;) {
-    const ReceiveResult result = bus.receive(batch, kQuiet);
-    if (result.status != ReceiveStatus::kOk) return frames;
-    frames.insert(frames.end(), batch.begin(),
-                  batch.begin() + static_cast<std::ptrdiff_t>(result.count));
-  }
-}
 
 std::string error_of_opening(const std::string& interface_name) {
   try {
@@ -80,8 +31,6 @@ std::string error_of_opening(const std::string& interface_name) {
   }
   return "no error";
 }
-
-void run(const std::string& command) { ASSERT_EQ(std::system(command.c_str()), 0) << command; }
 
 /// What `command` prints.
 std::string output_of(const std::string& command) {
@@ -94,33 +43,11 @@ std::string output_of(const std::string& command) {
   return output;
 }
 
-/// A virtual CAN interface for as long as this object lives; down at first.
-class TemporaryInterface {
- public:
-  TemporaryInterface() { run("ip link add dev " + name + " type vcan"); }
-  ~TemporaryInterface() {
-    if (exists_) remove();
-  }
-  TemporaryInterface(const TemporaryInterface&) = delete;
-  TemporaryInterface& operator=(const TemporaryInterface&) = delete;
-
-  void set(const std::string& state) const { run("ip link set dev " + name + " " + state); }
-  void remove() {
-    run("ip link del dev " + name);
-    exists_ = false;
-  }
-
-  const std::string name = "vcantmp";
-
- private:
-  bool exists_ = true;
-};
-
 TEST(SocketCanBus, CarriesAClassicFrame) {
   const auto a = open_socketcan("vcan0");
   const auto b = open_socketcan("vcan0");
   ASSERT_TRUE(a->send(frame_with(0x123, 10)));
-  const auto received = receive(*b, 1);
+  const auto received = receive_frames(*b, 1);
   ASSERT_EQ(received.size(), 1u);
   EXPECT_TRUE(same_on_wire(received[0], frame_with(0x123, 10)));
   EXPECT_EQ(a->counters().sent, 1u);
@@ -148,7 +75,7 @@ TEST(SocketCanBus, CarriesEveryKindOfFrame) {
   frames.back().is_extended = true;
   frames.back().is_error_state = true;
   for (const CanFrame& frame : frames) ASSERT_TRUE(a->send(frame));
-  const auto received = receive(*b, frames.size());
+  const auto received = receive_frames(*b, frames.size());
   ASSERT_EQ(received.size(), frames.size());
   for (std::size_t n = 0; n < frames.size(); ++n) {
     EXPECT_TRUE(same_on_wire(received[n], frames[n])) << "frame " << n;
@@ -162,7 +89,7 @@ TEST(SocketCanBus, DeliversZeroBeyondThePayload) {
   frame.data.fill(0xAA);
   frame.length = 3;
   ASSERT_TRUE(a->send(frame));
-  const auto received = receive(*b, 1);
+  const auto received = receive_frames(*b, 1);
   ASSERT_EQ(received.size(), 1u);
   for (std::size_t n = 0; n < kMaxPayload; ++n) {
     EXPECT_EQ(received[0].data[n], n < 3 ? 0xAA : 0x00) << "byte " << n;
@@ -187,7 +114,7 @@ TEST(SocketCanBus, StampsWithTheKernelsReceiveTime) {
   a->send(frame_with(1));
   const Timestamp after = std::chrono::system_clock::now();
   std::this_thread::sleep_for(20ms);  // the stamp is of the arrival, not of the reading
-  const auto received = receive(*b, 1);
+  const auto received = receive_frames(*b, 1);
   ASSERT_EQ(received.size(), 1u);
   // A clock tick of the kernel's coarsest clock source either way.
   EXPECT_GE(received[0].stamp, before - 10ms);
@@ -231,7 +158,7 @@ TEST(SocketCanBus, DoesNotReceiveItsOwnFramesUnlessAsked) {
   const auto b = open_socketcan("vcan0", with_own);
   a->send(frame_with(1));
   b->send(frame_with(2));
-  EXPECT_EQ(receive(*b, 2).size(), 2u);
+  EXPECT_EQ(receive_frames(*b, 2).size(), 2u);
   const auto at_a = drain(*a);
   ASSERT_EQ(at_a.size(), 1u);
   EXPECT_EQ(at_a[0].id, 2u);
@@ -292,7 +219,7 @@ TEST(SocketCanBus, CountsDroppedFramesExactly) {
   }
   // The kernel tells of drops with the next frame.
   ASSERT_TRUE(a->send(frame_with(2)));
-  received += receive(*slow, 1).size();
+  received += receive_frames(*slow, 1).size();
   EXPECT_EQ(a->counters().sent, 3 * kFlood + 1);
   EXPECT_EQ(slow->counters().received, received);
   EXPECT_EQ(slow->counters().received + slow->counters().dropped, a->counters().sent);
@@ -305,7 +232,7 @@ TEST(SocketCanBus, GetsAReceiveBufferThatHoldsMoreThanTheKernelsDefault) {
   EXPECT_GE(b->granted_receive_buffer(), SocketCanOptions().receive_buffer_bytes);
   const std::vector<CanFrame> flood(3000, frame_with(1));
   EXPECT_EQ(a->send_batch(flood), flood.size());
-  EXPECT_EQ(receive(*b, flood.size()).size(), flood.size());
+  EXPECT_EQ(receive_frames(*b, flood.size()).size(), flood.size());
   EXPECT_EQ(b->counters().dropped, 0u);
 }
 
@@ -348,7 +275,7 @@ TEST(SocketCanBus, LetsErrorFramesPassOnlyWhenAskedTo) {
   CanFrame error = frame_with(0x4);
   error.is_error = true;
   ASSERT_TRUE(a->send(error));
-  const auto received = receive(*b, 1);
+  const auto received = receive_frames(*b, 1);
   ASSERT_EQ(received.size(), 1u);
   EXPECT_TRUE(same_on_wire(received[0], error));
   EXPECT_TRUE(drain(*c).empty());
@@ -378,39 +305,11 @@ TEST(SocketCanBus, TellsHowToBringAnInterfaceUp) {
             "can:vcantmp: the interface is down: ip link set vcantmp up");
 }
 
-TEST(SocketCanBus, SaysDownWhenTheInterfaceGoesDownAndWorksAgainAfterwards) {
-  const TemporaryInterface interface;
-  interface.set("mtu 72 up");
-  const auto a = open_socketcan(interface.name);
-  const auto b = open_socketcan(interface.name);
-  interface.set("down");
-  std::array<CanFrame, 1> out;
-  EXPECT_EQ(b->receive(out, kPatience).status, ReceiveStatus::kDown);
-  EXPECT_FALSE(a->send(frame_with(1)));
-  EXPECT_NE(a->last_error(), 0);
-  EXPECT_EQ(a->counters().send_errors, 1u);
-  interface.set("up");
-  drain(*b);
-  EXPECT_TRUE(a->send(frame_with(2)));
-  EXPECT_EQ(receive(*b, 1).size(), 1u);
-}
-
-TEST(SocketCanBus, SaysDownForGoodWhenTheInterfaceIsGone) {
-  TemporaryInterface interface;
-  interface.set("up");
-  const auto bus = open_socketcan(interface.name);
-  interface.remove();
-  std::array<CanFrame, 1> out;
-  for (int n = 0; n < 5; ++n) {
-    EXPECT_EQ(bus->receive(out, kPatience).status, ReceiveStatus::kDown);
-  }
-}
-
 TEST(SocketCanBus, ReceivesWhatCansendSends) {
   const auto bus = open_socketcan("vcan0");
-  run("cansend vcan0 123#DEADBEEF");
-  run("cansend vcan0 01234567##1.00112233445566778899AABB");
-  const auto received = receive(*bus, 2);
+  run_command("cansend vcan0 123#DEADBEEF");
+  run_command("cansend vcan0 01234567##1.00112233445566778899AABB");
+  const auto received = receive_frames(*bus, 2);
   ASSERT_EQ(received.size(), 2u);
   EXPECT_EQ(received[0].id, 0x123u);
   EXPECT_EQ(received[0].length, 4);

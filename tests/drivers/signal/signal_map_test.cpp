@@ -23,7 +23,11 @@ constexpr std::string_view kRoles =
     "BA_ \"FaultlineRole\" SG_ 17 alive \"alive\";\n"
     "BA_ \"FaultlineRole\" SG_ 18 k_b \"cycle\";\n"
     "BA_ \"FaultlineRole\" SG_ 19 k_u \"cycle\";\n"
-    "BA_ \"FaultlineRole\" SG_ 19 crc \"crc\";\n";
+    "BA_ \"FaultlineRole\" SG_ 19 crc \"crc\";\n"
+    "BA_DEF_ BO_ \"FaultlineProtection\" STRING ;\n"
+    "BA_DEF_DEF_ \"FaultlineProtection\" \"none\";\n"
+    "BA_DEF_ BO_ \"FaultlineBus\" INT 0 255;\n"
+    "BA_ \"FaultlineProtection\" BO_ 19 \"J1850\";\n";
 
 constexpr std::string_view kMessages =
     "BO_ 16 Sync: 8 P\n"
@@ -39,7 +43,7 @@ constexpr std::string_view kMessages =
     " SG_ k_b : 32|8@1+ (1,0) [0|0] \"\" C\n"
     "BO_ 19 Commands: 8 C\n"
     " SG_ u1 : 0|16@1- (0.1,0) [0|0] \"A\" P\n"
-    " SG_ k_u : 16|16@1+ (1,0) [0|0] \"\" P\n"
+    " SG_ k_u M : 16|16@1+ (1,0) [0|0] \"\" P\n"
     " SG_ crc : 32|8@1+ (1,0) [0|0] \"\" P\n"
     " SG_ u2 m1 : 40|8@1+ (1,0) [0|0] \"\" P\n"
     "BO_ 20 Other: 2 C\n"
@@ -251,7 +255,7 @@ TEST(SignalMapErrors, TellOfASignalThatIsTwoChannels) {
 
 TEST(SignalMapErrors, TellOfAMultiplexedChannel) {
   EXPECT_EQ(error_of(bench(), {}, {"u2"}, {}),
-            "bench.dbc:16:6: channel \"u2\": signal Commands.u2 is multiplexed (m1), expected one "
+            "bench.dbc:16:6: channel \"u2\": signal Commands.u2 is multiplexed, expected one "
             "that every frame of its message carries");
 }
 
@@ -264,7 +268,8 @@ TEST(SignalMapErrors, TellOfAChannelBeyondItsMessage) {
 TEST(SignalMapErrors, ListTheRolesThatThereAre) {
   EXPECT_EQ(error_of(bench("BA_ \"FaultlineRole\" SG_ 20 torque_left \"cycel\";"), {"y2"}, {}, {}),
             "bench.dbc:18:6: signal torque_left: found FaultlineRole \"cycel\", expected \"sync\", "
-            "\"cycle\", \"command_cycle\", \"alive\", \"crc\" or \"none\"");
+            "\"cycle\", \"command_cycle\", \"alive\", \"crc\", \"data_id_nibble\" or "
+            "\"none\"");
 }
 
 TEST(SignalMapErrors, TellOfARoleTooNarrow) {
@@ -309,7 +314,57 @@ TEST(SignalMapErrors, TellOfTwoCountersInAMessage) {
 TEST(SignalMapErrors, TellOfTwoMessagesWithOneIdentifier) {
   const DbcDatabase dbc = bench("BO_ 17 Twin: 8 P\n SG_ y9 : 0|8@1+ (1,0) [0|0] \"\" C\n");
   EXPECT_EQ(error_of(dbc, {"y2", "y9"}, {}, {}),
-            "bench.dbc:33:5: messages Sensors_A and Twin have the same identifier 17");
+            "bench.dbc:37:5: messages Sensors_A and Twin have the same identifier 17");
+}
+
+TEST(SignalMapErrors, TellOfAChecksumThatNothingExplains) {
+  EXPECT_EQ(error_of(bench("BA_ \"FaultlineProtection\" BO_ 19 \"none\";"), {}, {"u1"}, {}),
+            "bench.dbc:15:6: signal Commands.crc has the role crc, and its message "
+            "FaultlineProtection none, expected one that says how it is made");
+}
+
+TEST(SignalMapErrors, TellOfAChannelInTheBitsOfTheCounter) {
+  const DbcDatabase dbc = bench(
+      "BO_ 21 Narrow: 8 P\n SG_ y9 : 0|9@1+ (1,0) [0|0] \"\" C\n"
+      " SG_ n : 8|4@1+ (1,0) [0|0] \"\" C\nBA_ \"FaultlineRole\" SG_ 21 n \"alive\";\n");
+  EXPECT_EQ(error_of(dbc, {"y9"}, {}, {}),
+            "bench.dbc:38:6: signal Narrow.y9 overlaps n, which protects the message");
+  EXPECT_EQ(error_of(dbc, {"n"}, {}, {}),
+            "bench.dbc:39:6: signal Narrow.n is channel \"n\" and protects its message");
+}
+
+TEST(SignalMapErrors, TellOfABusThatCannotBe) {
+  EXPECT_EQ(error_of(bench("BA_ \"FaultlineBus\" BO_ 17 256;"), {"y2"}, {}, {}),
+            "bench.dbc:4:5: message Sensors_A: found FaultlineBus 256, expected an integer of 0 "
+            ".. 255");
+}
+
+TEST(SignalMap, TakesFramesOfTheBusOnWhichAMessageLives) {
+  const SignalMap map =
+      make_signal_map(bench("BA_ \"FaultlineBus\" BO_ 17 3;"), {"y2"}, {"u1"}, {});
+  CanFrame frame;
+  map.sensor_messages[0].encode(std::array{1.0}, 0, frame);
+  EXPECT_EQ(frame.bus, 3);
+  EXPECT_TRUE(map.sensor_messages[0].matches(frame));
+  frame.bus = 0;
+  EXPECT_FALSE(map.sensor_messages[0].matches(frame));
+  EXPECT_TRUE(map.sync.has_value());
+  map.sync->encode(1, 2, frame);
+  EXPECT_TRUE(map.sync->matches(frame));
+  frame.bus = 3;
+  EXPECT_FALSE(map.sync->matches(frame));
+}
+
+TEST(SignalMap, CountsItsMessagesTogether) {
+  const SignalMap map = make_signal_map(bench(), {"y2"}, {"u1"}, {});
+  EXPECT_EQ(map.message_count(), 3u);
+  EXPECT_EQ(map.message_name(0), "Sensors_A");
+  EXPECT_EQ(map.message_name(1), "Commands");
+  EXPECT_EQ(map.message_name(2), "Sync");
+  EXPECT_TRUE(map.message_protection(0).has_counter());
+  EXPECT_FALSE(map.message_protection(0).has_crc());
+  EXPECT_TRUE(map.message_protection(1).has_crc());
+  EXPECT_TRUE(map.message_protection(2).is_none());
 }
 
 }  // namespace

@@ -63,9 +63,13 @@ TEST(MessageLayout, IsThatOfEveryMessageOfALog) {
     sample.output_count = 2;
     sample.y = {1.0, 2.0};
     sample.y_is_fresh = {1, 0};
+    sample.y_state = {0, 1};
+    sample.y_age = {0, 2};
     sample.input_count = 1;
     sample.u = {1.0};
     sample.u_is_fresh = {1};
+    sample.u_state = {0};
+    sample.u_age = {0};
     return sample;
   }());
   expect_layout(layout::kResidual, [] {
@@ -81,6 +85,7 @@ TEST(MessageLayout, IsThatOfEveryMessageOfALog) {
   expect_layout(layout::kDiagnosis, [] {
     diagnosis_t diagnosis{};
     diagnosis.verdict = "ambiguous";
+    diagnosis.blame = "Sensors1: wrong CRC";
     diagnosis.set_count = 2;
     diagnosis.sets.resize(2);
     diagnosis.sets[1].fault_count = 2;

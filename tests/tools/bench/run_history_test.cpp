@@ -182,6 +182,9 @@ TEST_F(RunHistoryTest, SaysWhichBiasIsTooSmallToBeIsolated) {
 
 TEST(VerdictText, NamesAllCandidates) {
   EXPECT_EQ(verdict_text({1.0, Verdict::kHealthy, {}}), "healthy");
+  EXPECT_EQ(verdict_text({.verdict = Verdict::kInhibited}), "inhibited");
+  EXPECT_EQ(verdict_text({.verdict = Verdict::kInhibited, .blame = "Sensors1: wrong CRC"}),
+            "inhibited (Sensors1: wrong CRC)");
   EXPECT_EQ(verdict_text({1.0, Verdict::kAmbiguous, {{"u1", "u2"}, {"u3", "u4"}}}),
             "ambiguous u1, u2 | u3, u4");
 }
