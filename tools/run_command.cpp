@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <unistd.h>
 
@@ -13,11 +14,13 @@
 #include <CLI/Validators.hpp>
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
 #include "tools/bench/bench.h"
 #include "tools/bench/endpoints.h"
 #include "tools/bench/run_summary.h"
+#include "tools/can/bus_session.h"
 #include "tools/cli.h"
 
 namespace faultline {
@@ -92,10 +95,14 @@ int answer(const BenchResult& result) {
 }
 
 int run(const RunArguments& arguments) {
-  const BenchInputs inputs = load_bench_inputs(arguments.scenario);
+  BenchInputs inputs = load_bench_inputs(arguments.scenario);
   BenchOptions options;
   options.bus = arguments.bus.empty() ? inputs.scenario.bus : arguments.bus;
   options.is_realtime = arguments.is_realtime;
+  const std::vector<std::string> buses = short_bus_names(options.bus);
+  if (buses.size() > 1) {
+    inputs.parts.push_back({"buses", "buses", fmt::format("{}\n", fmt::join(buses, "\n"))});
+  }
   if (!arguments.lcm_url.empty()) options.lcm_url = arguments.lcm_url;
   if (!arguments.log.empty()) {
     options.log = arguments.log;

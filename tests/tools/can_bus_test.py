@@ -112,7 +112,32 @@ class CanBus(FolderTest):
         self.run_ok("can", "convert", "run.lcm", "run.log")
         buses = {tuple(line.split()[1:])[0] + " " + line.split()[2].partition("#")[0]
                  for line in self.folder.read("run.log").decode().splitlines()}
-        self.assertEqual(buses, {"can0 100", "can0 110", "can0 111", "can1 120", "can1 121"})
+        self.assertEqual(buses, {"vcan0 100", "vcan0 110", "vcan0 111", "vcan1 120", "vcan1 121"})
+
+    def test_an_outage_is_told_and_waited_out(self):
+        process = self.listen("dump", "can:vcan1", "--format", "log", "--count", "2")
+        told = []
+        self.send("vcan1", "123#01")
+        subprocess.run(["ip", "link", "set", "vcan1", "down"], check=True)
+        told.append(process.stderr.readline())
+        subprocess.run(["ip", "link", "set", "vcan1", "up"], check=True)
+        told.append(process.stderr.readline())
+        self.send("vcan1", "124#02")
+        answer = finish(process)
+        self.assert_code(0, answer)
+        self.assertEqual(told, [b"faultline: can:vcan1 is down; waiting for its return\n",
+                                b"faultline: can:vcan1 is back\n"])
+        self.assertEqual([line.split()[2] for line in answer.out.splitlines()], ["123#01", "124#02"])
+        self.assertIn("received 2, dropped 0, malformed 0, outages 1", answer.err)
+
+    def test_error_frames_are_put_into_words(self):
+        process = self.listen("dump", "can:vcan0", "--count", "2")
+        self.send("vcan0", "20000040#0000000000000000", "20000004#0020000000008000")
+        answer = finish(process)
+        self.assert_code(0, answer)
+        self.assertIn("bus-off", answer.out.splitlines()[0])
+        self.assertIn("error-passive", answer.out.splitlines()[1])
+        self.assertIn("error frames 2, bus-off 1", answer.err)
 
     def test_a_bus_that_is_not_there_is_named(self):
         answer = self.folder.run("can", "dump", "can:vcan7")

@@ -4,9 +4,9 @@
 #include <array>
 #include <cstdio>
 #include <cstring>
-#include <thread>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "drivers/can/open_bus.h"
 #include "tools/bench/stop_signal.h"
@@ -18,17 +18,32 @@ constexpr std::string_view kCanPrefix = "can:";
 
 }  // namespace
 
-BusSession::BusSession(const std::vector<std::string>& names) {
-  std::string list;
-  for (const std::string& name : names) {
-    for (const std::string& one : split_bus_names(name)) {
-      list += (list.empty() ? "" : ",") + one;
-      short_names_.push_back(one.starts_with(kCanPrefix)
-                                 ? one.substr(kCanPrefix.size())
-                                 : fmt::format("udp{}", short_names_.size()));
-      names_.push_back(one);
-    }
+std::vector<std::string> short_bus_names(std::string_view list) {
+  std::vector<std::string> names;
+  for (const std::string& name : split_bus_names(list)) {
+    names.push_back(name.starts_with(kCanPrefix) ? name.substr(kCanPrefix.size())
+                                                 : fmt::format("udp{}", names.size()));
   }
+  return names;
+}
+
+std::string counters_text(const BusCounters& counters) {
+  std::string text = fmt::format("received {}, dropped {}, malformed {}", counters.received,
+                                 counters.dropped, counters.malformed);
+  const auto add = [&](std::uint64_t count, const char* what) {
+    if (count > 0) text += fmt::format(", {} {}", what, count);
+  };
+  add(counters.error_frames, "error frames");
+  add(counters.bus_offs, "bus-off");
+  add(counters.restarts, "restarts");
+  add(counters.outages, "outages");
+  return text;
+}
+
+BusSession::BusSession(const std::vector<std::string>& names) {
+  const std::string list = fmt::format("{}", fmt::join(names, ","));
+  names_ = split_bus_names(list);
+  short_names_ = short_bus_names(list);
   bus_ = open_bus(list);
 }
 
@@ -36,17 +51,11 @@ std::string_view BusSession::name_of(const CanFrame& frame) const noexcept {
   return frame.bus < short_names_.size() ? std::string_view(short_names_[frame.bus]) : "?";
 }
 
-void BusSession::report_status(ReceiveStatus status) {
-  const bool is_down = status == ReceiveStatus::kDown;
-  if (is_down && !is_down_) {
-    fmt::print(stderr, "faultline: {} is down; waiting for its return\n", bus_->name());
-  } else if (is_down_ && status == ReceiveStatus::kOk) {
-    fmt::print(stderr, "faultline: {} is back\n", bus_->name());
-  }
-  if (is_down || status == ReceiveStatus::kOk) is_down_ = is_down;
-  if (status == ReceiveStatus::kError) {
-    throw BusError(fmt::format("{}: {}", bus_->name(), std::strerror(bus_->last_error())));
-  }
+void BusSession::report_outages() {
+  if (bus_->is_up() == !is_down_) return;
+  is_down_ = !is_down_;
+  fmt::print(stderr, "faultline: {} is {}\n", bus_->name(),
+             is_down_ ? "down; waiting for its return" : "back");
 }
 
 std::chrono::duration<double> BusSession::listen(
@@ -68,15 +77,16 @@ std::chrono::duration<double> BusSession::listen(
     const auto room = static_cast<std::size_t>(std::min<std::uint64_t>(frames.size(), left));
     const ReceiveResult result =
         bus_->receive({frames.data(), room}, std::min<std::chrono::nanoseconds>(end - now, kPause));
-    report_status(result.status);
+    report_outages();
+    if (result.status == ReceiveStatus::kError) {
+      throw BusError(fmt::format("{}: {}", bus_->name(), std::strerror(bus_->last_error())));
+    }
     for (std::size_t i = 0; i < result.count; ++i) on_frame(frames[i]);
     left -= result.count;
     if (result.count < room || Clock::now() >= next_pause) {
       on_pause();
       next_pause = Clock::now() + kPause;
     }
-    // A bus that is down answers at once.
-    if (result.status == ReceiveStatus::kDown) std::this_thread::sleep_for(kPause);
   }
   on_pause();
   return Clock::now() - begin;

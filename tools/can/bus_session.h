@@ -20,6 +20,14 @@ struct SessionLimits {
   std::optional<std::uint64_t> frames;
 };
 
+/// Names of the buses of a list as candump would write them: "vcan0" of "can:vcan0", "udp1" of a
+/// UDP group that is the second. @throws std::invalid_argument as split_bus_names.
+[[nodiscard]] std::vector<std::string> short_bus_names(std::string_view list);
+
+/// What an endpoint counted, for people: "received 10, dropped 0, malformed 0", and error frames,
+/// bus-offs, restarts and outages where there were any.
+[[nodiscard]] std::string counters_text(const BusCounters& counters);
+
 /// Listens to one or more buses until a limit or a signal. Outages and bus errors are told on
 /// stderr; at the end so is what was lost.
 class BusSession {
@@ -42,7 +50,7 @@ class BusSession {
   static constexpr std::chrono::milliseconds kPause{100};
 
  private:
-  void report_status(ReceiveStatus status);
+  void report_outages();
 
   std::vector<std::string> names_, short_names_;
   std::unique_ptr<CanBus> bus_;

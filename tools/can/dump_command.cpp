@@ -166,12 +166,6 @@ void TableDump::draw() {
   output_.flush();
 }
 
-void print_losses(const BusSession& session) {
-  const BusCounters counters = session.counters();
-  fmt::print(stderr, "received {}, dropped {}, malformed {}\n", counters.received, counters.dropped,
-             counters.malformed);
-}
-
 int dump(const DumpArguments& arguments) {
   DbcDatabase dbc;
   if (!arguments.dbc.empty()) {
@@ -197,7 +191,7 @@ int dump(const DumpArguments& arguments) {
     LineDump lines(arguments.format, session, decoder);
     listen(lines);
   }
-  print_losses(session);
+  fmt::print(stderr, "{}\n", counters_text(session.counters()));
   return kExitYes;
 }
 

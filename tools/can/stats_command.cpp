@@ -142,11 +142,7 @@ void print_stats(std::FILE* out, const Traffic& traffic, const DbcDatabase& dbc,
   if (traffic.monitor.error_frames() > 0) {
     fmt::print(out, "{} error frames\n", traffic.monitor.error_frames());
   }
-  if (traffic.counters) {
-    const BusCounters& counters = *traffic.counters;
-    fmt::print(out, "received {}, dropped {}, malformed {}\n", counters.received, counters.dropped,
-               counters.malformed);
-  }
+  if (traffic.counters) fmt::print(out, "{}\n", counters_text(*traffic.counters));
   if (traffic.missing > 0) fmt::print(out, "{} frames missing from the log\n", traffic.missing);
 }
 
@@ -199,6 +195,9 @@ Json stats_json(const Traffic& traffic, const DbcDatabase& dbc, const StatsArgum
     json["received"] = traffic.counters->received;
     json["dropped"] = traffic.counters->dropped;
     json["malformed"] = traffic.counters->malformed;
+    json["bus_offs"] = traffic.counters->bus_offs;
+    json["restarts"] = traffic.counters->restarts;
+    json["outages"] = traffic.counters->outages;
   }
   const std::vector<BusLoad::Load>& loads = traffic.load.loads();
   for (std::size_t bus = 0; bus < loads.size(); ++bus) {
