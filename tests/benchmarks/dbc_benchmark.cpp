@@ -50,11 +50,11 @@ std::string make_car_dbc(int message_count) {
       const char* mark = !is_multiplexed ? "" : s == 0 ? " M" : s % 2 == 0 ? " m0" : " m1";
       const int start = 4 * s;
       const bool is_motorola = below(2) == 0;
-      text += fmt::format(
-          " SG_ {}{} : {}|{}@{}{} ({},{}) [{}|{}] \"{}\" {},{}\n", signal, mark,
-          is_motorola ? start + 3 : start, 4, is_motorola ? 0 : 1,
-          below(4) == 0 ? '-' : '+', below(2) == 0 ? "1" : "0.0625", below(3) == 0 ? "-40" : "0", 0,
-          below(1000), below(2) == 0 ? "km/h" : "", kNodes[below(5)], kNodes[below(5)]);
+      text += fmt::format(" SG_ {}{} : {}|{}@{}{} ({},{}) [{}|{}] \"{}\" {},{}\n", signal, mark,
+                          is_motorola ? start + 3 : start, 4, is_motorola ? 0 : 1,
+                          below(4) == 0 ? '-' : '+', below(2) == 0 ? "1" : "0.0625",
+                          below(3) == 0 ? "-40" : "0", 0, below(1000), below(2) == 0 ? "km/h" : "",
+                          kNodes[below(5)], kNodes[below(5)]);
       if (below(3) == 0) {
         comments += fmt::format(
             "CM_ SG_ {} {} \"The {} of the {} as the {} sees it, filtered with 10 Hz\";\n", id,

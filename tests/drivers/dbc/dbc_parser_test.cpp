@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
-#include <random>
 #include <ostream>
+#include <random>
 #include <string>
 #include <system_error>
 
@@ -391,9 +391,10 @@ INSTANTIATE_TEST_SUITE_P(
         ErrorCase{"BO_ -1 M: 8 N\n SG_ s",
                   "1:5: found number -1, expected a message identifier, a whole number up to "
                   "4294967295; the message and its signals are skipped"},
-        ErrorCase{"BO_ 4294967296 M: 8 N",
-                  "1:5: found number 4294967296, expected a message identifier, a whole number up to "
-                  "4294967295; the message and its signals are skipped"},
+        ErrorCase{
+            "BO_ 4294967296 M: 8 N",
+            "1:5: found number 4294967296, expected a message identifier, a whole number up to "
+            "4294967295; the message and its signals are skipped"},
         ErrorCase{"BO_ 1 M 8 N",
                   "1:9: found number 8, expected \":\"; the message and its signals "
                   "are skipped"},
