@@ -17,7 +17,7 @@
 #include "tools/bench/scenario.h"
 #include "tools/can/dbc_print.h"
 #include "tools/cli.h"
-#include "tools/replay/log_info.h"
+#include "tools/log/log_info.h"
 
 namespace faultline {
 namespace {

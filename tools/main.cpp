@@ -19,7 +19,7 @@
 #include "drivers/signal/message_protection.h"
 #include "drivers/signal/signal_map.h"
 #include "tools/bench/bench_inputs.h"
-#include "tools/bench/message_sink.h"
+#include "tools/lcm/message_sink.h"
 #include "tools/can/can_command.h"
 #include "tools/can/frame_log.h"
 #include "tools/cli.h"

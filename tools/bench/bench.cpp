@@ -42,7 +42,7 @@ BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
       buses(open_endpoints(options.bus, inputs.map)),
       plant(inputs.plant, inputs.map, inputs.schedule, inputs.bank.sample_time_s, inputs.x_initial),
       controller(inputs.map, inputs.control_law),
-      diagnosis(inputs.map, inputs.bank, inputs.scenario.is_initial_state_known),
+      diagnosis(inputs.map, inputs.bank, inputs.is_initial_state_known),
       publisher(make_publisher(inputs, options, diagnosis)),
       history(inputs.bank, diagnosis.decision_table().sets(), inputs.scenario, inputs.schedule),
       watched_(buses_to_watch(*buses.diagnosis)),
@@ -88,8 +88,8 @@ std::vector<BenchRun::WatchedBus> BenchRun::buses_to_watch(const CanBus& bus) {
   return watched;
 }
 
-void BenchRun::on_frame(const CanFrame& frame, std::int64_t utime) {
-  publisher.add_frame(frame, utime);
+void BenchRun::on_frame(const CanFrame& frame, std::uint64_t number, std::int64_t utime) {
+  publisher.add_frame(frame, number, utime);
   if (!frame.is_error || frame.bus >= watched_.size()) return;
   const ErrorReport report = read_error_frame(frame);
   WatchedBus& watched = watched_[frame.bus];
@@ -134,7 +134,7 @@ bool BenchRun::attend(double t_s, std::int64_t utime) {
     if (signal_ == 0) signal_ = stop_signal.poll();
   }
   if (now >= next_repeat_) {
-    publisher.repeat_parts(utime);
+    publisher.repeat_parts();
     next_repeat_ = now + kRepeatPeriod;
   }
   if (options.on_progress && now >= next_progress_) {
@@ -147,11 +147,11 @@ bool BenchRun::attend(double t_s, std::int64_t utime) {
 }
 
 void BenchRun::on_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime) {
-  publisher.publish_truth(truth, x, utime);
+  publisher.publish_truth(truth, inputs.schedule.injections(), x, utime);
   ++seen_.cycles;
   if (truth.is_late) ++seen_.late_cycles;
   if (utime >= next_stats_utime_) {
-    publisher.publish_stats(counters_now(), truth.cycle, utime);
+    publisher.publish_stats(counters_now(), {}, truth.cycle, utime, false);
     next_stats_utime_ = utime + kStatsPeriod_us;
   }
 }
@@ -185,7 +185,7 @@ BenchResult BenchRun::finish(std::int64_t utime) {
   }
   RunCounters final_counters = counters_now();
   final_counters.clamped_values = plant.clamped_values() + controller.clamped_values();
-  publisher.publish_stats(final_counters, plant.truth().cycle, utime);
+  publisher.publish_stats(final_counters, {}, plant.truth().cycle, utime, true);
   publisher.close();
   const std::chrono::duration<double> wall = steady_clock::now() - start_;
   return {.history = std::move(history),

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <system_error>
 
@@ -65,6 +66,7 @@ void check_request_fits(const Scenario& scenario, const PlantModel& plant,
 }
 
 Bank load_bank(const Scenario& scenario, const PlantModel& plant, std::vector<RunPart>& parts) {
+  require_file(scenario, "bank", scenario.bank);
   const std::string name = scenario.bank.filename().string();
   if (is_bank_file(scenario.bank)) {
     Bank bank = read_bank(scenario.bank);
@@ -81,6 +83,8 @@ Bank load_bank(const Scenario& scenario, const PlantModel& plant, std::vector<Ru
 
 /// Where `key` stands in a bank file, which has it once.
 SourcePosition position_in_bank(const Scenario& scenario, std::string_view key) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(scenario.bank, error)) return {};  // it came with a log
   const std::string text = read_text(scenario.bank);
   const std::size_t offset = text.find(fmt::format("\"{}\"", key));
   if (offset == std::string::npos) return {};
@@ -233,12 +237,13 @@ Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant)
   return *scenario.initial_state;
 }
 
-void check_plant_can_run(const Scenario& scenario, const PlantModel& plant, const Bank& bank) {
+void check_plant_can_run(const PlantModel& plant, const std::string& plant_text,
+                         const std::string& plant_source, const Bank& bank) {
   try {
     const LinearPlant stepped(plant, bank.sample_time_s);
   } catch (const std::invalid_argument& error) {
     const char* key = plant.nonlinearities.empty() ? "sample_time_s" : "nonlinearity";
-    throw TomlTable::read_file(scenario.plant).error(key, error.what());
+    throw TomlTable::parse(plant_text, plant_source).error(key, error.what());
   }
 }
 
@@ -253,14 +258,58 @@ std::vector<std::string> warnings_of(const DbcDatabase& dbc) {
 }
 
 /// The bench trusts its DBC: a statement that was not understood is no reason to guess.
-DbcDatabase read_whole_dbc(const std::filesystem::path& file) {
-  DbcDatabase dbc = read_dbc(file);
+const DbcDatabase& require_whole(const DbcDatabase& dbc) {
   for (const DbcWarning& warning : dbc.warnings) {
     if (warning.severity == DbcSeverity::kError) {
       throw DbcError(dbc.source, warning.position, warning.text);
     }
   }
   return dbc;
+}
+
+/// What a scenario refers to.
+struct ScenarioTexts {
+  RunPart plant, dbc;
+  std::string plant_source, dbc_source;  ///< names for messages
+};
+using BankLoader = std::function<Bank(const Scenario&, const PlantModel&, std::vector<RunPart>&)>;
+
+BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const BankLoader& load) {
+  BenchInputs inputs;
+  inputs.name = scenario.name;
+  inputs.is_initial_state_known = scenario.is_initial_state_known;
+  inputs.plant = parse_plant(texts.plant.text, texts.plant_source);
+  const DbcDatabase dbc = parse_dbc(texts.dbc.text, texts.dbc_source);
+  require_whole(dbc);
+  inputs.parts = {
+      {"scenario", scenario.file.filename().string(), scenario.text}, texts.plant, texts.dbc};
+  check_mapped_channels(scenario, inputs.plant);
+  inputs.map = map_signals(scenario, dbc, inputs.plant);
+  check_cycles_can_be_told(dbc, inputs.map);
+  inputs.schedule = make_schedule(scenario, inputs.plant);
+  inputs.bank = load(scenario, inputs.plant, inputs.parts);
+  check_bank_fits(scenario, inputs.plant, inputs.bank);
+  check_expected_faults(scenario, inputs.bank);
+  check_duration(scenario, inputs.bank);
+  check_plant_can_run(inputs.plant, texts.plant.text, texts.plant_source, inputs.bank);
+  inputs.control_law = make_control_law(scenario, inputs.plant, inputs.bank.sample_time_s);
+  inputs.x_initial = initial_state(scenario, inputs.plant);
+  inputs.dbc_warnings = warnings_of(dbc);
+  inputs.scenario = std::move(scenario);
+  return inputs;
+}
+
+const RunPart& require_part(const std::vector<RunPart>& parts, std::string_view name,
+                            const std::string& log) {
+  const auto found = std::find_if(parts.begin(), parts.end(),
+                                  [&](const RunPart& part) { return part.part == name; });
+  if (found == parts.end()) {
+    throw InputError(log, {},
+                     fmt::format("RUN: found no whole part \"{}\", expected one: the log does not "
+                                 "carry what the run was made from",
+                                 name));
+  }
+  return *found;
 }
 
 }  // namespace
@@ -277,27 +326,33 @@ PlantModel read_requested_plant(const BankRequest& request) {
 
 BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
   Scenario scenario = read_scenario(scenario_file);
-  std::vector<RunPart> parts;
-  parts.push_back({"scenario", scenario.file.filename().string(), scenario.text});
-  PlantModel plant = read_plant(require_file(scenario, "plant", scenario.plant));
-  parts.push_back({"plant", scenario.plant.filename().string(), read_text(scenario.plant)});
-  const DbcDatabase dbc = read_whole_dbc(require_file(scenario, "dbc", scenario.dbc));
-  parts.push_back({"dbc", scenario.dbc.filename().string(), read_text(scenario.dbc)});
-  check_mapped_channels(scenario, plant);
-  SignalMap map = map_signals(scenario, dbc, plant);
-  check_cycles_can_be_told(dbc, map);
-  FaultSchedule schedule = make_schedule(scenario, plant);
-  require_file(scenario, "bank", scenario.bank);
-  Bank bank = load_bank(scenario, plant, parts);
-  check_bank_fits(scenario, plant, bank);
-  check_expected_faults(scenario, bank);
-  check_duration(scenario, bank);
-  check_plant_can_run(scenario, plant, bank);
-  ControlLaw law = make_control_law(scenario, plant, bank.sample_time_s);
-  Eigen::VectorXd x_initial = initial_state(scenario, plant);
-  return {std::move(scenario),  std::move(plant),    std::move(bank),
-          std::move(map),       std::move(schedule), std::move(law),
-          std::move(x_initial), std::move(parts),    warnings_of(dbc)};
+  const auto read_part = [&scenario](const char* key, const std::filesystem::path& file) {
+    return RunPart{key, file.filename().string(), read_text(require_file(scenario, key, file))};
+  };
+  ScenarioTexts texts;
+  texts.plant = read_part("plant", scenario.plant);
+  texts.plant_source = scenario.plant.string();
+  texts.dbc = read_part("dbc", scenario.dbc);
+  texts.dbc_source = scenario.dbc.string();
+  return fit_together(std::move(scenario), texts, load_bank);
+}
+
+BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts, const std::string& log) {
+  const auto source = [&log](const RunPart& part) { return log + ":" + part.name; };
+  const RunPart& text = require_part(parts, "scenario", log);
+  ScenarioTexts texts{require_part(parts, "plant", log), require_part(parts, "dbc", log), {}, {}};
+  texts.plant_source = source(texts.plant);
+  texts.dbc_source = source(texts.dbc);
+  const RunPart& bank = require_part(parts, "bank", log);
+  Scenario scenario = parse_scenario(text.text, source(text));
+  scenario.plant = texts.plant_source;
+  scenario.dbc = texts.dbc_source;
+  scenario.bank = source(bank);
+  return fit_together(std::move(scenario), texts,
+                      [&](const Scenario&, const PlantModel&, std::vector<RunPart>& used) {
+                        used.push_back(bank);
+                        return parse_bank(bank.text, source(bank));
+                      });
 }
 
 }  // namespace faultline

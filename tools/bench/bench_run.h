@@ -27,9 +27,9 @@ class BenchRun {
 
   // Consumer side: called by one thread only, the one that publishes.
 
-  /// A frame the diagnosis node received. What an error frame says of the controller's state
-  /// becomes an EVENT.
-  void on_frame(const CanFrame& frame, std::int64_t utime);
+  /// A frame the diagnosis node received, and its running number there. What an error frame says of
+  /// the controller's state becomes an EVENT.
+  void on_frame(const CanFrame& frame, std::uint64_t number, std::int64_t utime);
   void on_record(const DiagnosisRecord& record, std::int64_t utime);
   void on_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime);
   /// Call often, with the time the run has come to: flushes, repeats RUN, shows progress, polls the

@@ -35,16 +35,27 @@ struct TruthRecord {
   Eigen::VectorXd x;
 };
 
+/// A frame and its place among those the diagnosis node received.
+struct NumberedFrame {
+  CanFrame frame;
+  std::uint64_t number = 0;
+};
+
 /// Queues between the diagnosis thread and the publisher.
 class QueueSink final : public DiagnosisSink {
  public:
   explicit QueueSink(const Bank& bank)
-      : records_(kRecordSlots, DiagnosisRecord(bank)), frames_(kFrameSlots, CanFrame{}) {}
-  void on_received(const CanFrame& frame) noexcept override { frames_.push(frame); }
+      : records_(kRecordSlots, DiagnosisRecord(bank)), frames_(kFrameSlots, NumberedFrame{}) {}
+  void on_received(const CanFrame& frame) noexcept override {
+    frames_.push({frame, frame_count_++});
+  }
   void on_record(const DiagnosisRecord& record) noexcept override { records_.push(record); }
 
   SlotQueue<DiagnosisRecord> records_;
-  SlotQueue<CanFrame> frames_;
+  SlotQueue<NumberedFrame> frames_;
+
+ private:
+  std::uint64_t frame_count_ = 0;
 };
 
 std::int64_t to_utime(Timestamp stamp) {
@@ -183,9 +194,9 @@ class Realtime {
       run_.on_truth(truth->truth, truth->x, run_.utime_of(run_.time_of(truth->truth.cycle)));
       truths_.pop();
     }
-    while (const CanFrame* frame = sink_.frames_.front()) {
-      last_utime_ = to_utime(frame->stamp);
-      run_.on_frame(*frame, last_utime_);
+    while (const NumberedFrame* received = sink_.frames_.front()) {
+      last_utime_ = to_utime(received->frame.stamp);
+      run_.on_frame(received->frame, received->number, last_utime_);
       sink_.frames_.pop();
     }
     run_.publisher.flush_frames();

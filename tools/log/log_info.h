@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "tools/lcm/log_reader.h"
+
 namespace faultline {
 
 /// What a log contains.
@@ -39,10 +41,11 @@ struct LogInfo {
   std::map<std::string, Channel> channels;
   std::vector<Part> parts;
   std::vector<VerdictChange> verdicts;
+  std::vector<LogDamage> damages;
   std::uint64_t undecodable = 0;  ///< messages on our channels that are not of our types
 };
 
-/// Reads an LCM log through, ours or another's.
+/// Reads an LCM log through, ours or another's, and past what is damaged in it.
 /// @throws std::system_error it cannot be read; std::invalid_argument it is no LCM log.
 [[nodiscard]] LogInfo read_log_info(const std::filesystem::path& file);
 

@@ -1,4 +1,4 @@
-#include "tools/replay/message_layout.h"
+#include "tools/lcm/message_layout.h"
 
 namespace faultline {
 namespace {

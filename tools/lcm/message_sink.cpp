@@ -1,4 +1,4 @@
-#include "tools/bench/message_sink.h"
+#include "tools/lcm/message_sink.h"
 
 #include <cerrno>
 #include <cstring>
@@ -7,21 +7,19 @@
 #include <fmt/format.h>
 #include <lcm/lcm-cpp.hpp>
 
+#include "tools/lcm/log_event.h"
+
 namespace faultline {
 namespace {
-
-/// First bytes of every event in an LCM log (lcm/eventlog.c).
-constexpr unsigned char kLogMagic[4] = {0xED, 0xA1, 0xDA, 0x01};
 
 /// Whether `file` may be replaced by a log: absent, empty, a device, or an LCM log.
 bool may_be_replaced(const std::filesystem::path& file) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) return true;
   std::ifstream in(file, std::ios::binary);
-  char first[sizeof kLogMagic] = {};
-  in.read(first, sizeof first);
-  return in.gcount() == 0 ||
-         (in.gcount() == sizeof first && std::memcmp(first, kLogMagic, sizeof first) == 0);
+  std::string first(kLogMagic.size(), '\0');
+  in.read(first.data(), static_cast<std::streamsize>(first.size()));
+  return in.gcount() == 0 || first == kLogMagic;
 }
 
 class LogSink final : public MessageSink {

@@ -1,13 +1,8 @@
-#include "tools/replay/log_info.h"
+#include "tools/log/log_info.h"
 
-#include <cerrno>
 #include <cstdint>
-#include <fstream>
 #include <set>
-#include <span>
-#include <stdexcept>
 #include <string_view>
-#include <system_error>
 
 #include <faultline/can_t.hpp>
 #include <faultline/diagnosis_t.hpp>
@@ -20,41 +15,26 @@
 #include <faultline/truth_t.hpp>
 #include <fmt/format.h>
 
-#include "tools/bench/channels.h"
-#include "tools/replay/log_event.h"
+#include "tools/lcm/channels.h"
+#include "tools/lcm/log_reader.h"
 
 namespace faultline {
 namespace {
 
-void check_is_log(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in || std::filesystem::is_directory(file)) {
-    throw std::system_error(in ? EISDIR : errno, std::generic_category(),
-                            "cannot read " + file.string());
-  }
-  std::string first(kLogMagic.size(), '\0');
-  in.read(first.data(), static_cast<std::streamsize>(first.size()));
-  if (first != kLogMagic) {
-    throw std::invalid_argument(
-        fmt::format("{}: found no LCM event at its start, expected an LCM log", file.string()));
-  }
-}
-
 class InfoReader {
  public:
-  void take(const lcm::LogEvent& event) {
-    if (info_.messages++ == 0) first_utime_ = event.timestamp;
-    info_.duration_s = static_cast<double>(event.timestamp - first_utime_) * 1e-6;
-    LogInfo::Channel& channel = info_.channels[event.channel];
+  void take(const LogEvent& event) {
+    if (info_.messages++ == 0) first_utime_ = event.utime;
+    info_.duration_s = static_cast<double>(event.utime - first_utime_) * 1e-6;
+    LogInfo::Channel& channel = info_.channels[std::string(event.channel)];
     ++channel.messages;
-    channel.bytes += static_cast<std::uint64_t>(event.datalen);
+    channel.bytes += event.data.size();
     if (event.channel == kRunChannel) {
       take_as<run_t>(event, layout::kRun, channel, [this](const run_t& run) { take_run(run); });
     } else if (event.channel == kDiagnosisChannel) {
-      take_as<diagnosis_t>(event, layout::kDiagnosis, channel,
-                           [this, &event](const diagnosis_t& diagnosis) {
-                             take_diagnosis(diagnosis, event.timestamp);
-                           });
+      take_as<diagnosis_t>(
+          event, layout::kDiagnosis, channel,
+          [this, &event](const diagnosis_t& diagnosis) { take_diagnosis(diagnosis, event.utime); });
     } else if (event.channel == kEstimateChannel) {
       take_as<estimate_t>(event, layout::kEstimate, channel,
                           [this](const estimate_t& estimate) { take_estimate(estimate); });
@@ -83,10 +63,10 @@ class InfoReader {
 
  private:
   template <class Message, class Action>
-  void take_as(const lcm::LogEvent& event, std::string_view layout, LogInfo::Channel& channel,
+  void take_as(const LogEvent& event, std::string_view layout, LogInfo::Channel& channel,
                const Action& action) {
     Message message;
-    if (!decode_event(event, layout, message)) {
+    if (!decode_message(event.data, layout, message)) {
       ++info_.undecodable;
       return;
     }
@@ -94,7 +74,7 @@ class InfoReader {
     if (expected != next_sequence_.end() && message.sequence > expected->second) {
       channel.missing += static_cast<std::uint64_t>(message.sequence - expected->second);
     }
-    next_sequence_[event.channel] = message.sequence + 1;
+    next_sequence_[std::string(event.channel)] = message.sequence + 1;
     action(message);
   }
 
@@ -138,7 +118,7 @@ class InfoReader {
 
   LogInfo info_;
   std::int64_t first_utime_ = 0;
-  std::map<std::string, std::int64_t> next_sequence_;
+  std::map<std::string, std::int64_t, std::less<>> next_sequence_;
   std::map<std::string, std::set<std::int32_t>> chunks_;
   std::map<std::string, std::int32_t> chunk_counts_;
 };
@@ -146,14 +126,12 @@ class InfoReader {
 }  // namespace
 
 LogInfo read_log_info(const std::filesystem::path& file) {
-  check_is_log(file);
-  lcm::LogFile log(file.string(), "r");
-  if (!log.good()) {
-    throw std::system_error(errno, std::generic_category(), "cannot read " + file.string());
-  }
+  LogReader log(file);
   InfoReader reader;
-  while (const lcm::LogEvent* event = log.readNextEvent()) reader.take(*event);
-  return reader.finish();
+  while (const LogEvent* event = log.next()) reader.take(*event);
+  LogInfo info = reader.finish();
+  info.damages = log.damages();
+  return info;
 }
 
 }  // namespace faultline
