@@ -80,6 +80,7 @@ class RunPublisher {
   /// Flushes and closes all sinks. @throws MessageSinkError.
   void close();
 
+  [[nodiscard]] bool has_log() const noexcept { return log_ != nullptr; }
   /// Messages published so far, all channels.
   [[nodiscard]] std::uint64_t message_count() const noexcept { return message_count_; }
 
