@@ -153,7 +153,8 @@ class LcmReplay {
       bytes_before_ += log.position();
     }
     finish_run();
-    if (result_.runs.empty()) {
+    const auto has_frames = [](const RunReplay& run) { return run.frames > 0; };
+    if (std::none_of(result_.runs.begin(), result_.runs.end(), has_frames)) {
       throw InputError(
           name_, {},
           fmt::format("found no message on {}, expected the frames to replay", kCanChannel));
