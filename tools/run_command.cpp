@@ -1,9 +1,13 @@
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -28,6 +32,8 @@ namespace {
 
 struct RunArguments {
   std::string scenario, bus, log, json, lcm_url;
+  double log_split_MB = 0.0, log_split_s = 0.0;
+  std::size_t log_keep = 0;
   bool is_realtime = false;
   bool has_no_log = false;
   bool is_quiet = false;
@@ -94,6 +100,18 @@ int answer(const BenchResult& result) {
   return result.history.are_expectations_met() ? kExitYes : kExitNo;
 }
 
+LogSplit log_split(const RunArguments& arguments) {
+  LogSplit split;
+  split.bytes = static_cast<std::uint64_t>(arguments.log_split_MB * 1e6);
+  split.time_us = std::llround(arguments.log_split_s * 1e6);
+  split.keep = arguments.log_keep;
+  if (split.keep > 0 && !split.is_wanted()) {
+    throw std::invalid_argument(
+        "--log-keep: found neither --log-split-size nor --log-split-time, expected one");
+  }
+  return split;
+}
+
 int run(const RunArguments& arguments) {
   BenchInputs inputs = load_bench_inputs(arguments.scenario);
   BenchOptions options;
@@ -109,6 +127,7 @@ int run(const RunArguments& arguments) {
   } else if (!arguments.has_no_log) {
     options.log = default_log(inputs.scenario.name);
   }
+  options.log_split = log_split(arguments);
   Progress progress;
   if (!arguments.is_quiet) {
     options.on_progress = [&progress](double t_s, double duration_s, const std::string& verdict) {
@@ -138,7 +157,21 @@ void add_run_command(CLI::App& program, int& exit_code) {
   auto* log = command->add_option(
       "--log", arguments->log,
       "LCM log to write; default: a new file in ./faultline-logs. An existing log is replaced");
-  command->add_flag("--no-log", arguments->has_no_log, "Write no log")->excludes(log);
+  auto* split_size = command->add_option(
+      "--log-split-size", arguments->log_split_MB,
+      "Go on in a new file before one gets longer than so many MB: NAME-0001.lcm, NAME-0002.lcm, "
+      "..; each can be read alone, `faultline log` takes them all");
+  auto* split_time =
+      command->add_option("--log-split-time", arguments->log_split_s,
+                          "Go on in a new file once one spans so many seconds of bench time");
+  auto* keep = command->add_option("--log-keep", arguments->log_keep,
+                                   "Keep the newest N of these files, delete older ones; default: "
+                                   "keep all");
+  keep->type_name("N")->check(CLI::PositiveNumber);
+  split_size->type_name("MB")->check(CLI::Range(1e-3, 1e9));
+  split_time->type_name("S")->check(CLI::Range(1e-3, 1e9));
+  auto* no_log = command->add_flag("--no-log", arguments->has_no_log, "Write no log");
+  for (CLI::Option* option : {log, split_size, split_time, keep}) no_log->excludes(option);
   command->add_option("--lcm", arguments->lcm_url,
                       "Also publish live, e.g. udpm://239.255.76.67:7667?ttl=0");
   command->add_flag("-q,--quiet", arguments->is_quiet, "No progress on stderr");

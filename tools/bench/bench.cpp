@@ -30,7 +30,11 @@ RunPublisher make_publisher(const BenchInputs& inputs, const BenchOptions& optio
                             const DiagnosisNode& diagnosis) {
   auto live = options.lcm_url ? open_live(*options.lcm_url) : nullptr;
   // The log comes last: nothing else may fail once an old log has been replaced.
-  auto log = options.log ? open_log(*options.log) : nullptr;
+  std::unique_ptr<MessageSink> log;
+  if (options.log) {
+    log = options.log_split.is_wanted() ? open_rotating_log(*options.log, options.log_split)
+                                        : open_log(*options.log);
+  }
   return {inputs, diagnosis.decision_table().sets(), std::move(log), std::move(live)};
 }
 

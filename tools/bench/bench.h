@@ -10,6 +10,7 @@
 #include "tools/bench/bench_inputs.h"
 #include "tools/bench/run_history.h"
 #include "tools/bench/run_publisher.h"
+#include "tools/lcm/rotating_log.h"
 
 namespace faultline {
 
@@ -20,6 +21,7 @@ struct BenchOptions {
   /// real time the cycles go on and the run ends at its time.
   std::chrono::nanoseconds bus_patience = std::chrono::seconds(10);
   std::optional<std::filesystem::path> log;
+  LogSplit log_split;  ///< of `log`: then in files of its own (rotating_log.h)
   std::optional<std::string> lcm_url;
   /// Called about ten times a second while the bench runs; on the calling thread.
   std::function<void(double t_s, double duration_s, const std::string& verdict)> on_progress;

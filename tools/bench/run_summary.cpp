@@ -101,6 +101,11 @@ void print_dbc_warnings(std::FILE* out, const std::vector<std::string>& warnings
   }
 }
 
+std::string log_text(const BenchOptions& options) {
+  if (!options.log) return "none";
+  return (options.log_split.is_wanted() ? split_log_pattern(*options.log) : *options.log).string();
+}
+
 }  // namespace
 
 void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions& options,
@@ -129,7 +134,7 @@ void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions
     fmt::print(out, "  WARNING  {} samples are missing in log and summary: the queue was full\n",
                counters.records_dropped);
   }
-  fmt::print(out, "  log      {}\n", options.log ? options.log->string() : "none");
+  fmt::print(out, "  log      {}\n", log_text(options));
   const auto expectations = result.history.expectations();
   if (!expectations.empty()) fmt::print(out, "\n  expectations\n");
   for (const ExpectationOutcome& outcome : expectations) {
@@ -181,7 +186,7 @@ nlohmann::ordered_json summary_json(const BenchInputs& inputs, const BenchOption
   }
   json["clamped_values"] = counters.clamped_values;
   json["records_dropped"] = counters.records_dropped;
-  json["log"] = options.log ? Json(options.log->string()) : Json(nullptr);
+  json["log"] = options.log ? Json(log_text(options)) : Json(nullptr);
   json["expect"] = {{"met", history.are_expectations_met()}, {"items", Json::array()}};
   for (const ExpectationOutcome& outcome : history.expectations()) {
     json["expect"]["items"].push_back(expectation_json(outcome));

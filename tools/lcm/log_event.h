@@ -18,7 +18,8 @@ struct LogEvent {
   std::int64_t number = 0;   ///< as its writer counted
   std::int64_t utime = 0;    ///< when it was published or logged, µs since 1970
   std::string_view channel;
-  std::span<const std::uint8_t> data;  ///< the encoded message
+  std::span<const std::uint8_t> data;   ///< the encoded message
+  std::span<const std::uint8_t> bytes;  ///< the whole event, as it stands in the log
 };
 
 /// Decodes a message from outside, measured by its layout first. @return false if it is of another

@@ -60,7 +60,7 @@ LogReader::LogReader(const std::filesystem::path& file) : name_(file.string()), 
     if (!is_event_at(0)) {
       has(kChunk);
       // One that is cut off is an event, too: of a log that was cut short.
-      if (!is_magic_at(0) && !find_event(0, held())) {
+      if (!find_magic(0, kChunk)) {
         throw std::invalid_argument(fmt::format("{}: found no LCM event{}, expected an LCM log",
                                                 name_,
                                                 held() == 0 ? " (it is empty)" : " at its start"));
@@ -126,43 +126,72 @@ bool LogReader::is_event_at(std::size_t index) {
   return held() >= end && std::memcmp(at(end), kLogMagic.data(), held() - end) == 0;
 }
 
-std::optional<std::size_t> LogReader::find_event(std::size_t from, std::size_t until) {
-  for (std::size_t index = from; index < until; ++index) {
-    const void* const found =
-        std::memchr(at(index), static_cast<unsigned char>(kLogMagic[0]), until - index);
+bool LogReader::is_plausible_at(std::size_t index, const Header& header) {
+  if (!has(index + header.total())) return false;
+  const std::uint8_t* const name = at(index + kHeaderBytes);
+  return std::all_of(name, name + header.channel_bytes,
+                     [](std::uint8_t byte) { return byte >= ' ' && byte != 0x7F; });
+}
+
+std::optional<std::size_t> LogReader::find_magic(std::size_t from, std::size_t until) {
+  for (std::size_t index = from; index < std::min(until, held()); ++index) {
+    const void* const found = std::memchr(at(index), static_cast<unsigned char>(kLogMagic[0]),
+                                          std::min(until, held()) - index);
     if (found == nullptr) return std::nullopt;
     index = static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - at(0));
-    if (is_event_at(index)) return index;
+    if (has(index + kLogMagic.size()) && is_magic_at(index)) return index;
   }
   return std::nullopt;
 }
 
-void LogReader::add_damage(std::uint64_t bytes, std::string what, bool is_end) {
-  damages_.push_back({offset_, bytes, std::move(what), is_end});
+std::optional<std::size_t> LogReader::find_event(std::size_t from, std::size_t until) {
+  for (auto index = find_magic(from, until); index; index = find_magic(*index + 1, until)) {
+    if (is_event_at(*index)) return index;
+  }
+  return std::nullopt;
 }
 
-/// From the position, where no whole event begins, to the next one or to the end.
+/// From the position, where no whole event begins, to the next one or to the end. Every byte is
+/// looked at once, and every magic costs one look at its lengths and at what they lead to.
 void LogReader::skip_damage() {
   const std::uint64_t from = offset_;
   const char* const what =
       is_magic_at(0) ? "an event that is cut off" : "no event where one should begin";
-  std::uint64_t skipped = 0;
+  // A whole event that damage follows: taken if no event that is surely one begins inside it.
+  struct {
+    std::size_t begin = 0, end = 0;
+  } lone;
   bool is_end = false;
-  for (std::size_t search_from = 1;; search_from = 0) {
-    has(kChunk);
-    if (const auto index = find_event(std::min(search_from, held()), held())) {
+  for (std::size_t searched = 1;;) {
+    if (lone.end == 0 && searched >= kChunk) {
+      consume(searched);
+      searched = 0;
+    }
+    const std::size_t until = lone.end > 0 ? lone.end : searched + kChunk;
+    has(until);
+    const auto index = find_magic(searched, until);
+    if (!index && lone.end > 0) {
+      consume(lone.begin);
+      break;
+    }
+    if (!index) {
+      is_end = held() <= until && is_at_end_;
+      consume(std::min(until, held()));
+      searched = 0;
+      if (is_end) break;
+      continue;
+    }
+    if (is_event_at(*index)) {
       consume(*index);
-      skipped += *index;
       break;
     }
-    skipped += held();
-    consume(held());
-    if (is_at_end_) {
-      is_end = true;
-      break;
+    if (const auto header = header_at(*index); header && is_plausible_at(*index, *header)) {
+      const std::size_t end = *index + header->total();
+      if (lone.end == 0 || end < lone.end) lone = {*index, end};
     }
+    searched = *index + 1;
   }
-  damages_.push_back({from, skipped, what, is_end});
+  damages_.push_back({from, offset_ - from, what, is_end});
 }
 
 const LogEvent* LogReader::next() {
@@ -180,7 +209,7 @@ const LogEvent* LogReader::next() {
     // begins inside, or what follows is damaged.
     if (has(total + 1) && !is_event_at(0)) {
       if (const auto inside = find_event(1, total)) {
-        add_damage(*inside, "an event that is cut off", false);
+        damages_.push_back({offset_, *inside, "an event that is cut off", false});
         consume(*inside);
         continue;
       }
@@ -190,6 +219,7 @@ const LogEvent* LogReader::next() {
     event_.utime = load_big_endian<std::int64_t>(at(kUtimeAt));
     event_.channel = {reinterpret_cast<const char*>(at(kHeaderBytes)), header->channel_bytes};
     event_.data = {at(kHeaderBytes + header->channel_bytes), header->data_bytes};
+    event_.bytes = {at(0), total};
     event_bytes_ = total;
     return &event_;
   }

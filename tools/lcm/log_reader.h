@@ -24,7 +24,10 @@ struct LogDamage {
 
 /// Reads an LCM log, ours or lcm-logger's, event by event, whatever is wrong with it: what is no
 /// event is passed over to the next one that is whole (its lengths lead to another event, or to the
-/// end), and listed as damage. Memory: a buffer of a megabyte, more only for longer events.
+/// end, or to damage with no event before it), and listed as damage. An LCM log has no checksums:
+/// what changed inside a payload, or was put into one, shows only where the message is decoded.
+/// Time: linear in the log's length, damaged or not. Memory: a buffer of a megabyte, more only for
+/// longer events and for damage that claims to be some (a few times kLongestMessage).
 class LogReader {
  public:
   /// Longest channel name and message taken for real; liblcm writes 63 and far below a megabyte.
@@ -32,8 +35,8 @@ class LogReader {
   static constexpr std::size_t kLongestMessage = std::size_t{64} << 20;
 
   /// @param file "-": stdin.
-  /// @throws std::system_error it cannot be read; std::invalid_argument no event in its first
-  ///   megabyte: it is no LCM log.
+  /// @throws std::system_error it cannot be read; std::invalid_argument no event begins in its
+  ///   first megabyte: it is no LCM log.
   explicit LogReader(const std::filesystem::path& file);
   ~LogReader();
   LogReader(const LogReader&) = delete;
@@ -69,10 +72,12 @@ class LogReader {
   [[nodiscard]] bool is_magic_at(std::size_t index) const noexcept;
   /// Whether an event begins there, is whole, and is followed by another or the end.
   [[nodiscard]] bool is_event_at(std::size_t index);
-  /// Index of the first whole event in [from, until), looked for no further.
+  /// Whether all of the event is there and its channel has a name that could be one.
+  [[nodiscard]] bool is_plausible_at(std::size_t index, const Header& header);
+  /// Index of the first magic, or event, that begins in [from, until).
+  [[nodiscard]] std::optional<std::size_t> find_magic(std::size_t from, std::size_t until);
   [[nodiscard]] std::optional<std::size_t> find_event(std::size_t from, std::size_t until);
   void skip_damage();
-  void add_damage(std::uint64_t bytes, std::string what, bool is_end);
 
   std::string name_;
   int fd_ = -1;

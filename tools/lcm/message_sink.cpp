@@ -98,12 +98,14 @@ class LiveSink final : public MessageSink {
 
 }  // namespace
 
+void require_replaceable(const std::filesystem::path& file) {
+  if (may_be_replaced(file)) return;
+  throw std::invalid_argument(fmt::format(
+      "log {}: found a file that is no LCM log, expected none or a log to replace", file.string()));
+}
+
 std::unique_ptr<MessageSink> open_log(const std::filesystem::path& file) {
-  if (!may_be_replaced(file)) {
-    throw std::invalid_argument(
-        fmt::format("log {}: found a file that is no LCM log, expected none or a log to replace",
-                    file.string()));
-  }
+  require_replaceable(file);
   return std::make_unique<LogSink>(file);
 }
 

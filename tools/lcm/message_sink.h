@@ -28,6 +28,10 @@ class MessageSink {
   virtual void close() = 0;
 };
 
+/// @throws std::invalid_argument `file` exists, is not empty and no LCM log: nothing that a log may
+///   replace.
+void require_replaceable(const std::filesystem::path& file);
+
 /// An LCM log file, in the format of lcm-logger. An existing log at `file` is replaced; a file that
 /// is no LCM log is not.
 /// @throws MessageSinkError it cannot be written; std::invalid_argument it exists and is no log.

@@ -1,22 +1,16 @@
 #include "tools/log/log_info.h"
 
-#include <cstdint>
-#include <set>
+#include <algorithm>
 #include <string_view>
+#include <utility>
 
-#include <faultline/can_t.hpp>
 #include <faultline/diagnosis_t.hpp>
 #include <faultline/estimate_t.hpp>
-#include <faultline/event_t.hpp>
-#include <faultline/residual_t.hpp>
 #include <faultline/run_t.hpp>
-#include <faultline/sample_t.hpp>
-#include <faultline/stats_t.hpp>
-#include <faultline/truth_t.hpp>
-#include <fmt/format.h>
 
 #include "tools/lcm/channels.h"
-#include "tools/lcm/log_reader.h"
+#include "tools/lcm/message_type.h"
+#include "tools/lcm/run_parts.h"
 
 namespace faultline {
 namespace {
@@ -24,66 +18,63 @@ namespace {
 class InfoReader {
  public:
   void take(const LogEvent& event) {
-    if (info_.messages++ == 0) first_utime_ = event.utime;
-    info_.duration_s = static_cast<double>(event.utime - first_utime_) * 1e-6;
+    if (info_.messages++ == 0) info_.first_utime = event.utime;
+    info_.duration_s = std::max(info_.duration_s, time_of(event.utime));
     LogInfo::Channel& channel = info_.channels[std::string(event.channel)];
     ++channel.messages;
     channel.bytes += event.data.size();
-    if (event.channel == kRunChannel) {
-      take_as<run_t>(event, layout::kRun, channel, [this](const run_t& run) { take_run(run); });
-    } else if (event.channel == kDiagnosisChannel) {
-      take_as<diagnosis_t>(
-          event, layout::kDiagnosis, channel,
-          [this, &event](const diagnosis_t& diagnosis) { take_diagnosis(diagnosis, event.utime); });
-    } else if (event.channel == kEstimateChannel) {
-      take_as<estimate_t>(event, layout::kEstimate, channel,
-                          [this](const estimate_t& estimate) { take_estimate(estimate); });
-    } else if (event.channel == kCanChannel) {
-      take_as<can_t>(event, layout::kCan, channel, [](const can_t&) {});
-    } else if (event.channel == kSampleChannel) {
-      take_as<sample_t>(event, layout::kSample, channel, [](const sample_t&) {});
-    } else if (event.channel == kResidualChannel) {
-      take_as<residual_t>(event, layout::kResidual, channel, [](const residual_t&) {});
-    } else if (event.channel == kTruthChannel) {
-      take_as<truth_t>(event, layout::kTruth, channel, [](const truth_t&) {});
-    } else if (event.channel == kEventChannel) {
-      take_as<event_t>(event, layout::kEvent, channel, [](const event_t&) {});
-    } else if (event.channel == kStatsChannel) {
-      take_as<stats_t>(event, layout::kStats, channel, [](const stats_t&) {});
-    }
-  }
-
-  LogInfo finish() {
-    for (LogInfo::Part& part : info_.parts) {
-      part.is_complete =
-          static_cast<std::int32_t>(chunks_[part.part].size()) == chunk_counts_[part.part];
-    }
-    return std::move(info_);
-  }
-
- private:
-  template <class Message, class Action>
-  void take_as(const LogEvent& event, std::string_view layout, LogInfo::Channel& channel,
-               const Action& action) {
-    Message message;
-    if (!decode_message(event.data, layout, message)) {
+    const MessageType* const type = find_message_type(event.channel);
+    if (type == nullptr) return;
+    MessageHead head;
+    if (read_head(*type, event.data, head) != MessageStatus::kWhole ||
+        !take_message(*type, head, event)) {
       ++info_.undecodable;
       return;
     }
     const auto expected = next_sequence_.find(event.channel);
-    if (expected != next_sequence_.end() && message.sequence > expected->second) {
-      channel.missing += static_cast<std::uint64_t>(message.sequence - expected->second);
+    if (expected != next_sequence_.end() && head.sequence > expected->second) {
+      channel.missing += static_cast<std::uint64_t>(head.sequence - expected->second);
     }
-    next_sequence_[std::string(event.channel)] = message.sequence + 1;
-    action(message);
+    next_sequence_[std::string(event.channel)] = head.sequence + 1;
   }
 
-  void take_run(const run_t& run) {
-    if (chunks_.find(run.part) == chunks_.end()) {
-      info_.parts.push_back({run.part, run.name, run.digest, false});
-      chunk_counts_[run.part] = run.chunk_count;
+  LogInfo finish(const LogFiles& files) {
+    for (const RunParts::Part& part : parts_.parts()) {
+      info_.parts.push_back({part.part, part.name, part.digest, part.is_whole()});
     }
-    chunks_[run.part].insert(run.chunk);
+    info_.run_id = parts_.run_id();
+    info_.damages = files.damages();
+    return std::move(info_);
+  }
+
+ private:
+  [[nodiscard]] double time_of(std::int64_t utime) const {
+    return (static_cast<double>(utime) - static_cast<double>(info_.first_utime)) / 1e6;
+  }
+
+  /// @return false if it cannot be decoded.
+  bool take_message(const MessageType& type, const MessageHead& head, const LogEvent& event) {
+    if (type.channel == kRunChannel) {
+      run_t run;
+      if (!decode_message(event.data, type.layout, run)) return false;
+      if (parts_.take(run)) next_sequence_.clear();  // another run counts anew
+    } else if (type.channel == kDiagnosisChannel) {
+      diagnosis_t diagnosis;
+      if (!decode_message(event.data, type.layout, diagnosis)) return false;
+      take_diagnosis(diagnosis, event.utime);
+    } else if (type.channel == kEstimateChannel) {
+      estimate_t estimate;
+      if (!decode_message(event.data, type.layout, estimate)) return false;
+      take_estimate(estimate);
+    } else if (type.channel == kStatsChannel) {
+      stats_t stats;
+      if (!decode_message(event.data, type.layout, stats)) return false;
+      info_.stats = std::move(stats);
+    } else if (type.channel == kSampleChannel && head.cycle >= 0) {
+      info_.first_cycle = std::min(info_.first_cycle.value_or(head.cycle), head.cycle);
+      info_.last_cycle = std::max(info_.last_cycle.value_or(head.cycle), head.cycle);
+    }
+    return true;
   }
 
   void take_diagnosis(const diagnosis_t& diagnosis, std::int64_t utime) {
@@ -96,7 +87,7 @@ class InfoReader {
       return;
     }
     info_.verdicts.push_back({diagnosis.cycle,
-                              static_cast<double>(utime - first_utime_) * 1e-6,
+                              time_of(utime),
                               diagnosis.verdict,
                               diagnosis.cause,
                               diagnosis.onset_cycle,
@@ -117,21 +108,17 @@ class InfoReader {
   }
 
   LogInfo info_;
-  std::int64_t first_utime_ = 0;
   std::map<std::string, std::int64_t, std::less<>> next_sequence_;
-  std::map<std::string, std::set<std::int32_t>> chunks_;
-  std::map<std::string, std::int32_t> chunk_counts_;
+  RunParts parts_;
 };
 
 }  // namespace
 
-LogInfo read_log_info(const std::filesystem::path& file) {
-  LogReader log(file);
+LogInfo read_log_info(const std::vector<std::string>& files) {
+  LogFiles log(files);
   InfoReader reader;
   while (const LogEvent* event = log.next()) reader.take(*event);
-  LogInfo info = reader.finish();
-  info.damages = log.damages();
-  return info;
+  return reader.finish(log);
 }
 
 }  // namespace faultline

@@ -1,0 +1,73 @@
+#include "tools/log/log_files.h"
+
+#include <cstdio>
+#include <utility>
+
+#include <unistd.h>
+
+#include <fmt/format.h>
+
+namespace faultline {
+namespace {
+
+/// The clock is read once in so many events.
+constexpr std::uint32_t kEventsPerLook = 4096;
+constexpr auto kProgressPeriod = std::chrono::milliseconds(200);
+
+}  // namespace
+
+LogFiles::LogFiles(std::vector<std::string> files)
+    : files_(std::move(files)),
+      reader_(std::make_unique<LogReader>(files_.front())),
+      next_progress_(std::chrono::steady_clock::now() + kProgressPeriod),
+      is_terminal_(::isatty(STDERR_FILENO) == 1) {
+  for (const std::string& file : files_) {
+    std::error_code error;
+    const auto size = std::filesystem::file_size(file, error);
+    if (!error) bytes_ += size;
+  }
+}
+
+LogFiles::~LogFiles() { clear_progress(); }
+
+const LogEvent* LogFiles::next() {
+  for (;;) {
+    const LogEvent* const event = reader_->next();
+    take_damages();
+    if (event != nullptr) {
+      if (is_terminal_ && until_progress_-- == 0) show_progress();
+      return event;
+    }
+    if (index_ + 1 == files_.size()) {
+      clear_progress();
+      return nullptr;
+    }
+    bytes_before_ += reader_->position();
+    reader_ = std::make_unique<LogReader>(files_[++index_]);
+    taken_ = 0;
+  }
+}
+
+void LogFiles::take_damages() {
+  for (; taken_ < reader_->damages().size(); ++taken_) {
+    damages_.push_back({reader_->name(), reader_->damages()[taken_]});
+  }
+}
+
+void LogFiles::show_progress() {
+  until_progress_ = kEventsPerLook;
+  const auto now = std::chrono::steady_clock::now();
+  if (now < next_progress_ || bytes_ == 0) return;
+  next_progress_ = now + kProgressPeriod;
+  const auto read = static_cast<double>(bytes_before_ + reader_->position());
+  fmt::print(stderr, "\r\x1b[K  {:.0f} % of {:.1f} MB", 100.0 * read / static_cast<double>(bytes_),
+             static_cast<double>(bytes_) * 1e-6);
+  is_shown_ = true;
+}
+
+void LogFiles::clear_progress() noexcept {
+  if (is_shown_) std::fputs("\r\x1b[K", stderr);
+  is_shown_ = false;
+}
+
+}  // namespace faultline
