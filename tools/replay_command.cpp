@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,7 +32,7 @@ constexpr std::uint64_t kShownProblems = 20;
 
 ReplayOptions options_of(const ReplayArguments& arguments) {
   ReplayOptions options;
-  options.logs.assign(arguments.logs.begin(), arguments.logs.end());
+  options.logs = arguments.logs;
   if (!arguments.scenario.empty()) options.scenario = arguments.scenario;
   if (!arguments.bank.empty()) options.bank = arguments.bank;
   if (!arguments.dbc.empty()) options.dbc = arguments.dbc;
@@ -44,13 +43,7 @@ ReplayOptions options_of(const ReplayArguments& arguments) {
     fmt::print(stderr, "{}faultline: {}\n", is_terminal ? "\r\x1b[K" : "", text);
     if (count == kShownProblems) fmt::print(stderr, "faultline: more like these are not shown\n");
   };
-  if (is_terminal && !arguments.is_quiet) {
-    options.on_progress = [](std::uint64_t bytes, std::optional<std::uint64_t> total) {
-      constexpr double kMegabyte = 1e6;
-      fmt::print(stderr, "\r\x1b[K  {:.0f} MB{}", static_cast<double>(bytes) / kMegabyte,
-                 total ? fmt::format(" of {:.0f}", static_cast<double>(*total) / kMegabyte) : "");
-    };
-  }
+  options.is_quiet = arguments.is_quiet;
   return options;
 }
 
@@ -218,7 +211,6 @@ int answer_of(const ReplayArguments& arguments, const ReplayResult& result) {
 int run(const ReplayArguments& arguments) {
   const ReplayOptions options = options_of(arguments);
   const ReplayResult result = replay(options);
-  if (options.on_progress) fmt::print(stderr, "\r\x1b[K");
   std::FILE* const out = human_output(arguments.json);
   std::uint64_t cycles = 0;
   for (const RunReplay& replayed : result.runs) {

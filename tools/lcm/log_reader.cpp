@@ -78,13 +78,17 @@ LogReader::~LogReader() {
 
 bool LogReader::has(std::size_t count) {
   while (held() < count && !is_at_end_) {
-    if (begin_ > 0 && (begin_ == end_ || buffer_.size() - begin_ < count)) {
-      std::memmove(buffer_.data(), buffer_.data() + begin_, held());
-      end_ -= begin_;
-      begin_ = 0;
+    if (end_ == buffer_.size()) {
+      // Moved only behind half a buffer of progress, and grown only by what came: neither costs
+      // more than reading, whatever lengths a damaged log asks for.
+      if (begin_ >= buffer_.size() / 2) {
+        std::memmove(buffer_.data(), at(0), held());
+        end_ -= begin_;
+        begin_ = 0;
+      } else {
+        buffer_.resize(2 * buffer_.size());
+      }
     }
-    // Twice what is needed, so that moving costs little beside reading.
-    if (buffer_.size() - begin_ < count) buffer_.resize(2 * count);
     const ssize_t got = ::read(fd_, buffer_.data() + end_, buffer_.size() - end_);
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) throw std::system_error(errno, std::generic_category(), "cannot read " + name_);

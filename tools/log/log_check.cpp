@@ -65,7 +65,8 @@ class RunFollower {
     check.begins_late = begins_late();
     for (std::size_t type = 0; type < kTypeCount; ++type) {
       ChannelCheck channel = check_channel(type, check.begins_late);
-      if (channel.logged > 0 || channel.published) check.channels.push_back(std::move(channel));
+      if (channel.logged > 0 || channel.published || !channel.missing.empty())
+        check.channels.push_back(std::move(channel));
     }
     check.frames = frames_;
     check.frames.logged = frame_numbers_.count() - frames_.malformed;

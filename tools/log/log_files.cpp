@@ -16,11 +16,11 @@ constexpr auto kProgressPeriod = std::chrono::milliseconds(200);
 
 }  // namespace
 
-LogFiles::LogFiles(std::vector<std::string> files)
+LogFiles::LogFiles(std::vector<std::string> files, bool is_quiet)
     : files_(std::move(files)),
       reader_(std::make_unique<LogReader>(files_.front())),
       next_progress_(std::chrono::steady_clock::now() + kProgressPeriod),
-      is_terminal_(::isatty(STDERR_FILENO) == 1) {
+      is_terminal_(!is_quiet && ::isatty(STDERR_FILENO) == 1) {
   for (const std::string& file : files_) {
     std::error_code error;
     const auto size = std::filesystem::file_size(file, error);

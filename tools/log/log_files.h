@@ -22,8 +22,9 @@ struct FileDamage {
 /// on stderr how far a long log has been read.
 class LogFiles {
  public:
+  /// @param is_quiet shows nothing, not even on a terminal.
   /// @throws as LogReader; a file is opened once those before it have been read.
-  explicit LogFiles(std::vector<std::string> files);
+  explicit LogFiles(std::vector<std::string> files, bool is_quiet = false);
   ~LogFiles();
   LogFiles(const LogFiles&) = delete;
   LogFiles& operator=(const LogFiles&) = delete;
@@ -31,6 +32,8 @@ class LogFiles {
   /// As LogReader::next.
   [[nodiscard]] const LogEvent* next();
 
+  /// The file of the event that `next` returned last.
+  [[nodiscard]] const std::string& file() const noexcept { return files_[index_]; }
   /// Index of the file of the event that `next` returned last.
   [[nodiscard]] std::size_t file_index() const noexcept { return index_; }
   /// What was passed over in all files read so far.

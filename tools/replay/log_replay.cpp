@@ -22,8 +22,8 @@
 #include "tools/can/frame_log.h"
 #include "tools/lcm/channels.h"
 #include "tools/lcm/frame_message.h"
-#include "tools/lcm/log_reader.h"
 #include "tools/lcm/run_parts.h"
+#include "tools/log/log_files.h"
 #include "tools/replay/difference_text.h"
 #include "tools/replay/replay_inputs.h"
 
@@ -140,18 +140,13 @@ class LcmReplay {
   explicit LcmReplay(const ReplayOptions& options) : options_(&options) {}
 
   ReplayResult replay() {
-    for (const std::filesystem::path& file : options_->logs) {
-      LogReader log(file);
-      name_ = log.name();
-      std::uint64_t events = 0;
-      while (const LogEvent* event = log.next()) {
-        take(*event);
-        if (++events % kEventsPerProgress == 0) show_progress(log);
-      }
-      for (const LogDamage& damage : log.damages()) tell(describe(name_, damage));
-      result_.damages += log.damages().size();
-      bytes_before_ += log.position();
+    LogFiles log(options_->logs, options_->is_quiet);
+    while (const LogEvent* event = log.next()) {
+      name_ = log.file();
+      take(*event);
     }
+    for (const FileDamage& damaged : log.damages()) tell(describe(damaged.file, damaged.damage));
+    result_.damages = log.damages().size();
     finish_run();
     const auto has_frames = [](const RunReplay& run) { return run.frames > 0; };
     if (std::none_of(result_.runs.begin(), result_.runs.end(), has_frames)) {
@@ -163,15 +158,6 @@ class LcmReplay {
   }
 
  private:
-  static constexpr std::uint64_t kEventsPerProgress = 16384;
-
-  void show_progress(const LogReader& log) const {
-    if (!options_->on_progress) return;
-    std::optional<std::uint64_t> total;
-    if (log.size() && options_->logs.size() == 1) total = log.size();
-    options_->on_progress(bytes_before_ + log.position(), total);
-  }
-
   void tell(const std::string& text) const {
     if (options_->on_problem) options_->on_problem(text);
   }
@@ -276,17 +262,15 @@ class LcmReplay {
   /// frames (a logger that started late hears them after 5 s).
   [[nodiscard]] std::vector<RunPart> parts_of_run() {
     RunParts parts;
-    for (const std::filesystem::path& file : options_->logs) {
-      LogReader log(file);
-      while (const LogEvent* event = log.next()) {
-        if (event->channel != kRunChannel || !decode_message(event->data, layout::kRun, part_)) {
-          continue;
-        }
-        if (run_id_.empty() && !is_over(part_.run_id)) run_id_ = part_.run_id;
-        if (part_.run_id != run_id_) continue;
-        parts.take(part_);
-        if (has_all(parts)) return parts.whole_parts();
+    LogFiles log(options_->logs, true);
+    while (const LogEvent* event = log.next()) {
+      if (event->channel != kRunChannel || !decode_message(event->data, layout::kRun, part_)) {
+        continue;
       }
+      if (run_id_.empty() && !is_over(part_.run_id)) run_id_ = part_.run_id;
+      if (part_.run_id != run_id_) continue;
+      parts.take(part_);
+      if (has_all(parts)) break;
     }
     return parts.whole_parts();
   }
@@ -307,7 +291,6 @@ class LcmReplay {
   const ReplayOptions* options_;
   ReplayResult result_;
   std::string name_;  ///< of the log being read
-  std::uint64_t bytes_before_ = 0;
   std::optional<RunInReplay> run_;
   std::string run_id_;
   std::int64_t next_frame_ = 0;
@@ -319,7 +302,7 @@ class LcmReplay {
 
 /// A text of frames has no results to compare, and the names of its buses stand for their order.
 ReplayResult replay_text(const ReplayOptions& options) {
-  const std::string file = options.logs.front().string();
+  const std::string& file = options.logs.front();
   RunInReplay run(options, "", {}, file);
   std::vector<std::string> buses;
   std::uint64_t number = 0;
@@ -344,7 +327,7 @@ ReplayResult replay_text(const ReplayOptions& options) {
   return result;
 }
 
-bool is_text(const std::filesystem::path& file) {
+bool is_text(const std::string& file) {
   if (file == "-") return true;
   std::ifstream in(file, std::ios::binary);
   std::string head(kLogMagic.size(), '\0');

@@ -14,13 +14,12 @@ namespace faultline {
 
 struct ReplayOptions {
   /// An LCM log, several of one rotated run in their order, or a candump log ("-": stdin).
-  std::vector<std::filesystem::path> logs;
+  std::vector<std::string> logs;
   std::optional<std::filesystem::path> scenario;  ///< what the frames are read by, instead of RUN
   std::optional<std::filesystem::path> bank;      ///< another design, or the only one
   std::optional<std::filesystem::path> dbc;       ///< instead of the recorded one
   std::optional<std::filesystem::path> output;    ///< LCM log to write: frames and what is found
-  /// Called now and then; `total` is not known of a pipe.
-  std::function<void(std::uint64_t bytes, std::optional<std::uint64_t> total)> on_progress;
+  bool is_quiet = false;                          ///< no progress on stderr
   /// What was passed over in the log.
   std::function<void(const std::string& text)> on_problem;
 };

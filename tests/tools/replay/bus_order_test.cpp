@@ -92,7 +92,7 @@ TEST_P(BusOrder, LiveAndReplayedDecisionsAgreeToTheBit) {
     SCOPED_TRACE(seed_message(seed) + ", round " + std::to_string(round));
     const BenchResult live = run_through(inputs, UnrulyLine(seed + round, GetParam().rates), &log);
     EXPECT_TRUE(live.counters.bad_samples > 0 || !GetParam().must_spoil);
-    const ReplayResult result = replay({.logs = {log}});
+    const ReplayResult result = replay({.logs = {log.string()}});
     ASSERT_EQ(result.runs.size(), 1U);
     const RunReplay& run = result.runs[0];
     EXPECT_EQ(run.missing_frames, 0U);
@@ -135,7 +135,7 @@ TEST(BusOrderInRealTime, LiveAndReplayedDecisionsAgreeToTheBit) {
   run_realtime(run);
   const BenchResult live = run.finish(run.utime_of(inputs.scenario.duration_s));
   ASSERT_EQ(live.counters.records_dropped, 0U);
-  const ReplayResult result = replay({.logs = {*options.log}});
+  const ReplayResult result = replay({.logs = {options.log->string()}});
   ASSERT_EQ(result.runs.size(), 1U);
   ASSERT_TRUE(result.runs[0].verification);
   EXPECT_TRUE(result.runs[0].verification->is_verified());

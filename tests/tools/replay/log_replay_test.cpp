@@ -54,9 +54,9 @@ class LogReplay : public testing::Test {
     edit_log(log(), to, edit);
     return to;
   }
-  static ReplayResult replay_of(std::vector<std::filesystem::path> logs) {
+  static ReplayResult replay_of(const std::vector<std::filesystem::path>& logs) {
     ReplayOptions options;
-    options.logs = std::move(logs);
+    for (const std::filesystem::path& file : logs) options.logs.push_back(file.string());
     return replay(options);
   }
   static RunReplay replay_one(const std::filesystem::path& log) {
