@@ -21,14 +21,6 @@ namespace {
 /// Cycles are counted in 32 bits on the bus, and the largest number says "no command yet".
 constexpr double kMaxCycles = kNoCommand;
 
-std::string read_text(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) {
-    throw std::system_error(errno, std::generic_category(), "cannot read " + file.string());
-  }
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
-
 InputError error_in(const Scenario& scenario, SourcePosition position, const std::string& text) {
   return {scenario.file.string(), position, text};
 }
@@ -49,8 +41,6 @@ const std::filesystem::path& require_file(const Scenario& scenario, std::string_
   return file;
 }
 
-bool is_bank_file(const std::filesystem::path& file) { return file.extension() == ".json"; }
-
 /// The plant that a bank request names must be the scenario's.
 void check_request_fits(const Scenario& scenario, const PlantModel& plant,
                         const BankRequest& request) {
@@ -68,10 +58,9 @@ void check_request_fits(const Scenario& scenario, const PlantModel& plant,
 Bank load_bank(const Scenario& scenario, const PlantModel& plant, std::vector<RunPart>& parts) {
   require_file(scenario, "bank", scenario.bank);
   const std::string name = scenario.bank.filename().string();
-  if (is_bank_file(scenario.bank)) {
-    Bank bank = read_bank(scenario.bank);
-    parts.push_back({"bank", name, read_text(scenario.bank)});
-    return bank;
+  if (scenario.bank.extension() == ".json") {
+    parts.push_back(read_part("bank", scenario.bank));
+    return load_bank_file(scenario.bank);
   }
   const BankRequest request = read_bank_request(scenario.bank);
   check_request_fits(scenario, plant, request);
@@ -85,7 +74,7 @@ Bank load_bank(const Scenario& scenario, const PlantModel& plant, std::vector<Ru
 SourcePosition position_in_bank(const Scenario& scenario, std::string_view key) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(scenario.bank, error)) return {};  // it came with a log
-  const std::string text = read_text(scenario.bank);
+  const std::string text = read_part("bank", scenario.bank).text;
   const std::size_t offset = text.find(fmt::format("\"{}\"", key));
   if (offset == std::string::npos) return {};
   const auto begin = text.begin();
@@ -247,26 +236,6 @@ void check_plant_can_run(const PlantModel& plant, const std::string& plant_text,
   }
 }
 
-std::vector<std::string> warnings_of(const DbcDatabase& dbc) {
-  std::vector<std::string> texts;
-  for (const DbcWarning& warning : dbc.warnings) {
-    if (warning.severity != DbcSeverity::kWarning) continue;
-    texts.push_back(fmt::format("{}:{}:{}: {}", dbc.source, warning.position.line,
-                                warning.position.column, warning.text));
-  }
-  return texts;
-}
-
-/// The bench trusts its DBC: a statement that was not understood is no reason to guess.
-const DbcDatabase& require_whole(const DbcDatabase& dbc) {
-  for (const DbcWarning& warning : dbc.warnings) {
-    if (warning.severity == DbcSeverity::kError) {
-      throw DbcError(dbc.source, warning.position, warning.text);
-    }
-  }
-  return dbc;
-}
-
 /// What a scenario refers to.
 struct ScenarioTexts {
   RunPart plant, dbc;
@@ -279,8 +248,7 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
   inputs.name = scenario.name;
   inputs.is_initial_state_known = scenario.is_initial_state_known;
   inputs.plant = parse_plant(texts.plant.text, texts.plant_source);
-  const DbcDatabase dbc = parse_dbc(texts.dbc.text, texts.dbc_source);
-  require_whole(dbc);
+  const DbcDatabase dbc = parse_whole_dbc(texts.dbc.text, texts.dbc_source);
   inputs.parts = {
       {"scenario", scenario.file.filename().string(), scenario.text}, texts.plant, texts.dbc};
   check_mapped_channels(scenario, inputs.plant);
@@ -301,15 +269,11 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
 
 const RunPart& require_part(const std::vector<RunPart>& parts, std::string_view name,
                             const std::string& log) {
-  const auto found = std::find_if(parts.begin(), parts.end(),
-                                  [&](const RunPart& part) { return part.part == name; });
-  if (found == parts.end()) {
-    throw InputError(log, {},
-                     fmt::format("RUN: found no whole part \"{}\", expected one: the log does not "
-                                 "carry what the run was made from",
-                                 name));
-  }
-  return *found;
+  if (const RunPart* part = find_part(parts, name)) return *part;
+  throw InputError(log, {},
+                   fmt::format("RUN: found no whole part \"{}\", expected one: the log does not "
+                               "carry what the run was made from",
+                               name));
 }
 
 }  // namespace
@@ -326,13 +290,10 @@ PlantModel read_requested_plant(const BankRequest& request) {
 
 BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
   Scenario scenario = read_scenario(scenario_file);
-  const auto read_part = [&scenario](const char* key, const std::filesystem::path& file) {
-    return RunPart{key, file.filename().string(), read_text(require_file(scenario, key, file))};
-  };
   ScenarioTexts texts;
-  texts.plant = read_part("plant", scenario.plant);
+  texts.plant = read_part("plant", require_file(scenario, "plant", scenario.plant));
   texts.plant_source = scenario.plant.string();
-  texts.dbc = read_part("dbc", scenario.dbc);
+  texts.dbc = read_part("dbc", require_file(scenario, "dbc", scenario.dbc));
   texts.dbc_source = scenario.dbc.string();
   return fit_together(std::move(scenario), texts, load_bank);
 }
