@@ -88,6 +88,7 @@ int run_program(int argc, char** argv) {
   int exit_code = kExitYes;
   add_run_command(program, exit_code);
   add_diagnose_command(program, exit_code);
+  add_play_command(program, exit_code);
   add_design_command(program, exit_code);
   add_check_command(program, exit_code);
   add_info_command(program, exit_code);
