@@ -88,6 +88,8 @@ int run_program(int argc, char** argv) {
   program.footer(kExitCodesHelp);
   int exit_code = kExitYes;
   add_run_command(program, exit_code);
+  add_diagnose_command(program, exit_code);
+  add_play_command(program, exit_code);
   add_replay_command(program, exit_code);
   add_design_command(program, exit_code);
   add_check_command(program, exit_code);

@@ -774,9 +774,10 @@ class Failures(FolderTest):
 
     def test_a_bad_lcm_url_leaves_the_old_log_alone(self):
         self.folder.write("own.lcm", BadInput.OLD_LOG)
-        err = self.fail("--lcm", "nonsense://x", "--log", "own.lcm")
-        self.assertIn("nonsense://x", err)
-        self.assertIn("udpm://", err)
+        answer = self.folder.run("run", "demo.toml", "--lcm", "nonsense://x", "--log", "own.lcm")
+        self.assert_code(2, answer)
+        self.assertIn("nonsense://x", answer.err)
+        self.assertIn("udpm://", answer.err)
         self.assertEqual(self.folder.read("own.lcm"), BadInput.OLD_LOG)
 
     def test_unwritable_data(self):

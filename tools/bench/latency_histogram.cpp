@@ -51,6 +51,17 @@ void LatencyHistogram::add(const LatencyHistogram& other) noexcept {
   corrected_ += other.corrected_;
 }
 
+LatencyHistogram LatencyHistogram::restore(std::span<const Bucket> buckets, Nanoseconds min,
+                                           Nanoseconds max, std::uint64_t corrected) noexcept {
+  LatencyHistogram histogram;
+  for (const Bucket& bucket : buckets) histogram.record(bucket.upper, bucket.count);
+  if (histogram.count_ == 0) return histogram;
+  histogram.min_ns_ = std::max<std::int64_t>(min.count(), 0);
+  histogram.max_ns_ = std::max(max.count(), histogram.min_ns_);
+  histogram.corrected_ = corrected;
+  return histogram;
+}
+
 LatencyHistogram::Nanoseconds LatencyHistogram::percentile(double percent) const noexcept {
   if (count_ == 0) return Nanoseconds::zero();
   const double rank = std::clamp(percent, 0.0, 100.0) / 100.0 * static_cast<double>(count_);

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,12 @@ class LatencyHistogram {
   void record_corrected(Nanoseconds value, Nanoseconds interval) noexcept;
 
   void add(const LatencyHistogram& other) noexcept;
+
+  /// What `buckets`, `min`, `max` and `corrected` of a histogram tell of it. From outside: a
+  /// negative duration counts as zero, and the extremes are brought in order.
+  [[nodiscard]] static LatencyHistogram restore(std::span<const Bucket> buckets, Nanoseconds min,
+                                                Nanoseconds max, std::uint64_t corrected) noexcept;
+
   void reset() noexcept { *this = {}; }
 
   [[nodiscard]] std::uint64_t count() const noexcept { return count_; }

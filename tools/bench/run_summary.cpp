@@ -66,6 +66,13 @@ std::string integrity_text(const MessageCounters& counters) {
   return fmt::format("{} (of {} frames)", fmt::join(parts, ", "), found.frames);
 }
 
+std::string log_text(const BenchOptions& options) {
+  if (!options.log) return "none";
+  return (options.log_split.is_wanted() ? split_log_pattern(*options.log) : *options.log).string();
+}
+
+}  // namespace
+
 void print_integrity(std::FILE* out, const SignalMap& map,
                      const std::vector<MessageCounters>& messages) {
   for (std::size_t i = 0; i < messages.size(); ++i) {
@@ -74,7 +81,7 @@ void print_integrity(std::FILE* out, const SignalMap& map,
   }
 }
 
-Json message_json(const std::string& name, const MessageCounters& counters) {
+nlohmann::ordered_json message_json(const std::string& name, const MessageCounters& counters) {
   const IntegrityCounters& found = counters.integrity;
   return {{"message", name},
           {"frames", found.frames},
@@ -100,13 +107,6 @@ void print_dbc_warnings(std::FILE* out, const std::vector<std::string>& warnings
                warnings.size() - kShown);
   }
 }
-
-std::string log_text(const BenchOptions& options) {
-  if (!options.log) return "none";
-  return (options.log_split.is_wanted() ? split_log_pattern(*options.log) : *options.log).string();
-}
-
-}  // namespace
 
 void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions& options,
                    const BenchResult& result) {

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <lcm/lcm-cpp.hpp>
 
+#include "tools/lcm/lcm_url.h"
 #include "tools/lcm/log_event.h"
 
 namespace faultline {
@@ -71,13 +72,7 @@ class LogSink final : public MessageSink {
 class LiveSink final : public MessageSink {
  public:
   explicit LiveSink(const std::string& url) : url_(url), lcm_(url) {
-    if (!lcm_.good()) {
-      throw MessageSinkError(fmt::format(
-          "LCM {}: cannot open: expected a URL such as udpm://239.255.76.67:7667?ttl=0 and a "
-          "multicast route; on this machine alone: `ip link set lo up multicast on` and "
-          "`ip route add 224.0.0.0/4 dev lo`",
-          url));
-    }
+    if (!lcm_.good()) throw MessageSinkError(lcm_refusal_text(url));
   }
 
   void publish(const char* channel, std::int64_t /*utime*/,
@@ -110,6 +105,7 @@ std::unique_ptr<MessageSink> open_log(const std::filesystem::path& file) {
 }
 
 std::unique_ptr<MessageSink> open_live(const std::string& url) {
+  check_lcm_url(url);
   return std::make_unique<LiveSink>(url);
 }
 

@@ -38,7 +38,8 @@ void require_replaceable(const std::filesystem::path& file);
 [[nodiscard]] std::unique_ptr<MessageSink> open_log(const std::filesystem::path& file);
 
 /// Live LCM at `url` (e.g. udpm://239.255.76.67:7667?ttl=0).
-/// @throws MessageSinkError the URL is not understood or there is no route for it.
+/// @throws std::invalid_argument the URL does not read as one (lcm_url.h);
+/// @throws MessageSinkError it cannot be opened: there is no route for it.
 [[nodiscard]] std::unique_ptr<MessageSink> open_live(const std::string& url);
 
 }  // namespace faultline

@@ -22,6 +22,7 @@
 #include "tools/can/frame_log.h"
 #include "tools/lcm/channels.h"
 #include "tools/lcm/frame_message.h"
+#include "tools/lcm/frame_sequence.h"
 #include "tools/lcm/run_parts.h"
 #include "tools/log/log_files.h"
 #include "tools/replay/difference_text.h"
@@ -181,24 +182,26 @@ class LcmReplay {
           fmt::format("{}: byte {}: found a damaged {} message", name_, event.offset, kCanChannel));
       return;
     }
-    RunInReplay& run = current_run();
-    const std::int64_t begin = batch_.first_frame;
-    const std::int64_t end = begin + batch_.frame_count;
-    if (end <= next_frame_) return;  // it came again
-    if (begin > next_frame_) gap(run, static_cast<std::uint64_t>(begin - next_frame_));
-    if (batch_.malformed > 0) gap(run, batch_.malformed);
-    // Of a batch that overlaps the one before it, and has no frame missing, the rest is new.
-    const std::int64_t known =
-        batch_.malformed > 0 ? 0 : std::max<std::int64_t>(next_frame_ - begin, 0);
-    for (std::size_t i = static_cast<std::size_t>(known); i < batch_.frames.size(); ++i) {
-      run.on_frame(batch_.frames[i], static_cast<std::uint64_t>(begin) + i);
-    }
-    next_frame_ = end;
+    static_cast<void>(current_run());
+    frames_.push(batch_);
   }
 
-  void gap(RunInReplay& run, std::uint64_t missing) const {
-    tell(fmt::format("{}: {} frames are missing from number {} on", name_, missing, next_frame_));
-    run.on_gap(missing);
+  /// The next frames in their order.
+  void on_batch(const FrameBatch& batch) {
+    // Where the log begins late, no frame before it tells.
+    if (next_frame_ == 0 && batch.first_frame > 0) on_gap(0, batch.first_frame);
+    next_frame_ = batch.first_frame + batch.frame_count;
+    if (batch.malformed > 0) on_gap(batch.first_frame, batch.malformed);
+    for (std::size_t i = 0; i < batch.frames.size(); ++i) {
+      run_->on_frame(batch.frames[i], static_cast<std::uint64_t>(batch.first_frame) + i);
+    }
+  }
+
+  void on_gap(std::int64_t first_frame, std::int64_t count) {
+    if (count > 0) {
+      tell(fmt::format("{}: {} frames from number {} on are missing", name_, count, first_frame));
+    }
+    run_->on_gap(static_cast<std::uint64_t>(count));
   }
 
   void take_result(ResultChannel id, const LogEvent& event) {
@@ -235,9 +238,10 @@ class LcmReplay {
   void take_stats(const LogEvent& event) {
     if (!run_ || !decode_message(event.data, layout::kStats, stats_)) return;
     if (stats_.is_final == 0) return;
+    frames_.give_up();
     // What the run received last may be missing in the log.
     const std::int64_t missing = stats_.frames_received - next_frame_;
-    if (missing > 0) gap(*run_, static_cast<std::uint64_t>(missing));
+    if (missing > 0) on_gap(next_frame_, missing);
     has_ended_ = true;
     finish_run();
   }
@@ -245,6 +249,7 @@ class LcmReplay {
   RunInReplay& current_run() {
     if (!run_) {
       run_.emplace(*options_, run_id_, parts_of_run(), name_);
+      frames_.start_over();
       next_frame_ = 0;
       has_ended_ = false;
     }
@@ -253,6 +258,7 @@ class LcmReplay {
 
   void finish_run() {
     if (!run_) return;
+    frames_.give_up();
     result_.runs.push_back(run_->finish(has_ended_));
     run_.reset();
     run_id_.clear();
@@ -296,6 +302,10 @@ class LcmReplay {
   std::int64_t next_frame_ = 0;
   bool has_ended_ = false;
   FrameBatch batch_;
+  FrameSequence frames_{
+      {.on_batch = [this](const FrameBatch& batch) { on_batch(batch); },
+       .on_gap = [this](const FrameGap& gap) { on_gap(gap.first_frame, gap.frames); },
+       .on_restart = [this] { on_gap(next_frame_, 0); }}};
   run_t part_{};
   stats_t stats_{};
 };

@@ -1,0 +1,158 @@
+#include "tools/bench/lcm_diagnosis.h"
+
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "diagnosis/bank/bank_file.h"
+#include "tools/bench/bench_inputs.h"
+#include "tools/lcm/channels.h"
+#include "tools/lcm/log_event.h"
+
+namespace faultline {
+namespace {
+
+/// Without these there is no diagnosis. Those of a scenario come in the same burst.
+bool are_enough(const RunParts& parts) {
+  const auto is_whole = [&parts](std::string_view name) {
+    const RunParts::Part* const part = parts.find(name);
+    return part != nullptr && part->is_whole();
+  };
+  const bool has_scenario = parts.find("scenario") != nullptr;
+  return is_whole("bank") && is_whole("dbc") &&
+         (!has_scenario || (is_whole("scenario") && is_whole("plant")));
+}
+
+/// @pre are_enough
+DiagnosisInputs inputs_of(const std::vector<RunPart>& parts, const std::string& source) {
+  DiagnosisInputs inputs;
+  if (find_part(parts, "scenario") != nullptr) {
+    BenchInputs bench = bench_inputs_of_parts(parts, source);
+    inputs = std::move(static_cast<DiagnosisInputs&>(bench));
+  } else {
+    const RunPart& bank = *find_part(parts, "bank");
+    const RunPart& dbc = *find_part(parts, "dbc");
+    inputs = make_diagnosis_inputs(parse_bank(bank.text, source + ":" + bank.name), dbc,
+                                   source + ":" + dbc.name);
+  }
+  inputs.parts = parts;  // all that came, under the names under which it came
+  return inputs;
+}
+
+}  // namespace
+
+LcmDiagnosis::LcmDiagnosis(Options options)
+    : options_(std::move(options)),
+      sequence_({.on_batch = [this](const FrameBatch& batch) { on_batch(batch); },
+                 .on_gap = [this](const FrameGap& gap) { on_gap(gap); },
+                 .on_restart = [this] { on_restart(); }}),
+      inputs_(options_.given) {}
+
+void LcmDiagnosis::on_message(const LiveMessage& message) {
+  if (message.channel == kRunChannel) {
+    if (decode_message(message.data, layout::kRun, run_)) {
+      on_run(run_);
+    } else {
+      ++undecodable_;
+    }
+  } else if (message.channel == kCanChannel) {
+    if (decode_frames(message.data, batch_)) {
+      sequence_.push(batch_);
+    } else {
+      ++undecodable_;
+    }
+  }
+}
+
+void LcmDiagnosis::on_run(const run_t& chunk) {
+  const bool is_other_run = parts_.take(chunk);
+  if (is_other_run) {
+    // The frames of the run before are all here: LCM keeps the order of what one sender sends.
+    sequence_.give_up();
+    sequence_.start_over();
+    end_diagnosis();
+    kept_.clear();
+    kept_frames_ = 0;
+    options_.tell(fmt::format("another run ({}): starting over", chunk.run_id));
+    inputs_ = options_.given;
+  }
+  if (inputs_ || !are_enough(parts_)) return;
+  inputs_ = inputs_of(parts_.whole_parts(), options_.source);
+  // All parts of the run, once its frames begin.
+  options_.tell(fmt::format("diagnosing {}", inputs_->name));
+}
+
+void LcmDiagnosis::on_batch(const FrameBatch& batch) {
+  if (inputs_) {
+    diagnose(batch);
+  } else {
+    keep(batch);
+  }
+}
+
+void LcmDiagnosis::keep(const FrameBatch& batch) {
+  kept_.push_back(batch);
+  kept_frames_ += batch.frames.size();
+  while (kept_frames_ > kMostKept) {
+    kept_frames_ -= kept_.front().frames.size();
+    forgotten_frames_ += kept_.front().frames.size();
+    kept_.pop_front();
+  }
+}
+
+void LcmDiagnosis::diagnose(const FrameBatch& batch) {
+  std::deque<FrameBatch> batches = std::exchange(kept_, {});
+  kept_frames_ = 0;
+  batches.push_back(batch);
+  for (const FrameBatch& next : batches) {
+    if (next.frames.empty()) continue;
+    if (!diagnosis_) {
+      // The parts may have grown since they were enough: a list of buses comes last.
+      if (!options_.given) {
+        inputs_ = inputs_of(parts_.whole_parts(), options_.source);
+      }
+      diagnosis_ = std::make_unique<LiveDiagnosis>(*inputs_, options_.open_output(),
+                                                   static_cast<std::uint64_t>(next.first_frame));
+    }
+    auto number = static_cast<std::uint64_t>(next.first_frame);
+    for (const CanFrame& frame : next.frames) diagnosis_->on_frame(frame, number++);
+  }
+}
+
+void LcmDiagnosis::on_gap(const FrameGap& gap) {
+  const std::string text =
+      gap.lost_messages > 0
+          ? fmt::format("{} messages lost on {} with {} frames, from number {} on",
+                        gap.lost_messages, options_.source, gap.frames, gap.first_frame)
+          : fmt::format("{} frames are missing from number {} on: dropped before they were sent",
+                        gap.frames, gap.first_frame);
+  options_.tell(text);
+  if (diagnosis_ && gap.lost_messages > 0) diagnosis_->tell("warning", "diagnose", text);
+}
+
+void LcmDiagnosis::on_restart() {
+  options_.tell("the numbers of the frames begin again (a playback in a loop?): starting over");
+  end_diagnosis();
+  kept_.clear();
+  kept_frames_ = 0;
+}
+
+void LcmDiagnosis::end_diagnosis() {
+  if (!diagnosis_) return;
+  diagnosis_->finish();
+  const std::unique_ptr<LiveDiagnosis> ended = std::exchange(diagnosis_, nullptr);
+  options_.on_end(*ended);
+}
+
+void LcmDiagnosis::on_pause() { sequence_.give_up(); }
+
+void LcmDiagnosis::attend() {
+  if (diagnosis_) diagnosis_->attend();
+}
+
+void LcmDiagnosis::finish() {
+  sequence_.give_up();
+  end_diagnosis();
+}
+
+}  // namespace faultline
