@@ -4,6 +4,7 @@
 The whole takes place in a network namespace of its own, where nobody else's LCM traffic is.
 """
 import collections
+import json
 import os
 import signal
 import socket
@@ -108,6 +109,38 @@ class LcmLogger(FolderTest):
         answer = self.run_ok("info", "recorded.lcm")
         self.assertNotIn("INCOMPLETE", answer.out)
         self.assertNotIn("MISSING", answer.out)
+
+    def test_both_logs_are_complete_and_the_same(self):
+        self.record()
+        contents = []
+        for log in ("own.lcm", "recorded.lcm"):
+            result = json.loads(self.run_ok("log", "check", log, "--json", "-").out)
+            self.assertTrue(result["complete"], log)
+            (run,) = result["runs"]
+            for channel in run["channels"].values():  # RUN may come again on live LCM
+                self.assertEqual((channel["missing"], channel["differing_repeats"]), (0, 0))
+                channel.pop("repeats")
+            contents.append(run)
+        self.assertEqual(*contents)
+
+    def test_a_logger_that_comes_late_has_all_from_there(self):
+        self.folder.patch("short.toml", ("duration_s = 2.0", "duration_s = 6.5"))
+        run = self.folder.start("run", "short.toml", "--realtime", "--lcm", URL, "--log", "own.lcm", "--quiet")
+        self.addCleanup(lambda: run.poll() is None and (run.kill(), run.communicate()))
+        wait_for(lambda: self.folder.logs() and os.path.getsize(self.folder.logs()[0]) > 20000)
+        logger = self.start_logger()
+        self.assertEqual(finish(run).code, 0)
+        own = read_log(self.folder.file("own.lcm"))[0]
+        wait_for(lambda: read_log(self.folder.file("recorded.lcm"))[0][-1].data == own[-1].data)
+        logger.send_signal(signal.SIGINT)
+        self.assertEqual(finish(logger).code, 0)
+        # What the run was made from came again while the logger listened.
+        answer = self.folder.run("log", "check", "recorded.lcm", "--json", "-")
+        self.assert_code(1, answer)
+        (found,) = json.loads(answer.out)["runs"]
+        self.assertEqual((found["begins_late"], found["ended"], found["no_gaps"]), (True, True, True), answer.err)
+        self.assertTrue(all(part["whole"] for part in found["parts"]))
+        self.assertRegex(answer.err, r"the log begins at cycle \d+; complete from there")
 
 
 if __name__ == "__main__":

@@ -184,10 +184,12 @@ class Checker {
     ++check_.events;
     // Every file is numbered from 0, unless it was cut out of another.
     const std::int64_t expected = is_first_of_file ? 0 : last_number_ + 1;
-    if (event.number > expected) {
-      check_.missing_events += static_cast<std::uint64_t>(event.number - expected);
+    if (event.number >= 0 && event.number < kLargestNumber) {
+      if (event.number > expected) {
+        check_.missing_events += static_cast<std::uint64_t>(event.number - expected);
+      }
+      last_number_ = event.number;
     }
-    last_number_ = event.number;
 
     const MessageType* const type = find_message_type(event.channel);
     if (type == nullptr) {
@@ -224,7 +226,7 @@ class Checker {
     }
     if (type.channel == kCanChannel) {
       if (!decode_frames(data, batch_) || batch_.first_frame < 0 ||
-          batch_.first_frame > kLargestFrame) {
+          batch_.first_frame > kLargestNumber) {
         return add_undecodable(type);
       }
       run_.take_frames(batch_);
@@ -245,7 +247,8 @@ class Checker {
     run_ = RunFollower();
   }
 
-  static constexpr std::int64_t kLargestFrame = std::int64_t{1} << 62;
+  /// Nobody counts so far: a number beyond is damage, and counting on from it must not overflow.
+  static constexpr std::int64_t kLargestNumber = std::int64_t{1} << 62;
 
   LogCheck check_;
   std::int64_t last_number_ = -1;

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -20,6 +21,12 @@ struct CutArguments {
 
 int cut_file(const CutArguments& arguments) {
   const LogCut& cut = arguments.cut;
+  for (const auto& time_s : {cut.from_s, cut.to_s}) {
+    if (time_s && !std::isfinite(*time_s)) {
+      throw std::invalid_argument(
+          fmt::format("log cut: found a time of {} s, expected a finite one", *time_s));
+    }
+  }
   if ((cut.from_s && cut.to_s && *cut.from_s >= *cut.to_s) ||
       (cut.from_cycle && cut.to_cycle && *cut.from_cycle >= *cut.to_cycle)) {
     throw std::invalid_argument(

@@ -1,6 +1,7 @@
 #include "tools/log/log_files.h"
 
 #include <cstdio>
+#include <system_error>
 #include <utility>
 
 #include <unistd.h>
@@ -14,11 +15,17 @@ namespace {
 constexpr std::uint32_t kEventsPerLook = 4096;
 constexpr auto kProgressPeriod = std::chrono::milliseconds(200);
 
+/// A run that is killed just when its log goes on in a new file leaves this empty.
+bool is_empty(const std::string& file) {
+  std::error_code error;
+  return std::filesystem::is_regular_file(file, error) &&
+         std::filesystem::file_size(file, error) == 0;
+}
+
 }  // namespace
 
 LogFiles::LogFiles(std::vector<std::string> files, bool is_quiet)
     : files_(std::move(files)),
-      reader_(std::make_unique<LogReader>(files_.front())),
       next_progress_(std::chrono::steady_clock::now() + kProgressPeriod),
       is_terminal_(!is_quiet && ::isatty(STDERR_FILENO) == 1) {
   for (const std::string& file : files_) {
@@ -26,6 +33,9 @@ LogFiles::LogFiles(std::vector<std::string> files, bool is_quiet)
     const auto size = std::filesystem::file_size(file, error);
     if (!error) bytes_ += size;
   }
+  while (index_ + 1 < files_.size() && is_empty(files_[index_])) ++index_;
+  if (is_empty(files_[index_])) index_ = 0;  // all are: no log
+  reader_ = std::make_unique<LogReader>(files_[index_]);
 }
 
 LogFiles::~LogFiles() { clear_progress(); }
@@ -38,12 +48,15 @@ const LogEvent* LogFiles::next() {
       if (is_terminal_ && until_progress_-- == 0) show_progress();
       return event;
     }
-    if (index_ + 1 == files_.size()) {
+    std::size_t following = index_ + 1;
+    while (following < files_.size() && is_empty(files_[following])) ++following;
+    if (following == files_.size()) {
       clear_progress();
       return nullptr;
     }
     bytes_before_ += reader_->position();
-    reader_ = std::make_unique<LogReader>(files_[++index_]);
+    index_ = following;
+    reader_ = std::make_unique<LogReader>(files_[index_]);
     taken_ = 0;
   }
 }

@@ -22,6 +22,7 @@ struct FileDamage {
 /// on stderr how far a long log has been read.
 class LogFiles {
  public:
+  /// An empty file among others is passed over.
   /// @param is_quiet shows nothing, not even on a terminal.
   /// @throws as LogReader; a file is opened once those before it have been read.
   explicit LogFiles(std::vector<std::string> files, bool is_quiet = false);

@@ -162,9 +162,9 @@ void add_frame(Row& row, const CanFrame& frame, std::int64_t number, std::int64_
   constexpr std::int64_t kPerMicrosecond = 1000;
   const std::int64_t stamp_ns = frame.stamp.time_since_epoch().count();
   const can_frame_t message = to_message(frame);
-  row.add("t_s", (static_cast<double>(stamp_ns / kPerMicrosecond - first_utime) * kPerMicrosecond +
-                  static_cast<double>(stamp_ns % kPerMicrosecond)) /
-                     1e9);
+  const auto whole_us = static_cast<double>(stamp_ns / kPerMicrosecond);
+  const auto rest_ns = static_cast<double>(stamp_ns % kPerMicrosecond);
+  row.add("t_s", ((whole_us - static_cast<double>(first_utime)) * 1e3 + rest_ns) / 1e9);
   row.add("stamp_ns", stamp_ns);
   row.add("number", number);
   row.add("bus", whole(frame.bus));
