@@ -192,9 +192,8 @@ Json listen_to_lcm(const DiagnoseArguments& arguments, std::optional<DiagnosisIn
   Deadline deadline(arguments.limits);
   std::uint64_t messages = 0;
   while (stop.poll() == 0 && !deadline.is_over()) {
-    const std::size_t count = source.receive(
-        kWait, [&diagnosis](const LiveMessage& message) { diagnosis.on_message(message); });
-    if (count == 0) diagnosis.on_pause();
+    source.receive(kWait,
+                   [&diagnosis](const LiveMessage& message) { diagnosis.on_message(message); });
     diagnosis.attend();
     if (diagnosis.sequence().messages != messages) deadline.on_activity();
     messages = diagnosis.sequence().messages;
@@ -326,11 +325,13 @@ void add_diagnose_command(CLI::App& program, int& exit_code) {
       "--lcm", arguments->lcm_url,
       "Also publish live, elsewhere than --from, e.g. udpm://239.255.76.68:7667?ttl=0");
   command->add_option("--for", arguments->limits.seconds, "End after so many seconds")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::PositiveNumber)
+      ->check(check_finite);
   command
       ->add_option("--idle", arguments->limits.idle_s,
                    "End when no frame came for so many seconds; default: never")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::PositiveNumber)
+      ->check(check_finite);
   command->add_flag("-q,--quiet", arguments->is_quiet, "No line for each change of the verdict");
   add_json_option(*command, arguments->json);
   command->footer(

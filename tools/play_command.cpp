@@ -144,23 +144,26 @@ void print_result(const PlayArguments& arguments, const PlaybackLog& log,
 Json result_json(const PlayArguments& arguments, const PlaybackLog& log,
                  const PlaybackResult& result) {
   const PlaybackSelection& selection = arguments.selection;
-  return {{"log", selection.log},
-          {"bus", arguments.bus},
-          {"unit", unit_of(arguments)},
-          {"speed", arguments.options.speed},
-          {"from_s", selection.from_s},
-          {"to_s", selection.to_s ? Json(*selection.to_s) : Json(nullptr)},
-          {"sent", result.sent},
-          {"refused", result.refused},
-          {"passes", result.passes},
-          {"backwards", log.outline().backwards},
-          {"error_frames", log.outline().error_frames},
-          {"late", result.late},
-          {"timing_error",
-           latency_json({{.stage = "sent - deadline", .histogram = result.lateness}}).front()},
-          {"wall_s", result.wall_s},
-          {"realtime_problems", result.realtime_problems},
-          {"interrupted", result.signal != 0}};
+  return {
+      {"log", selection.log},
+      {"bus", arguments.bus},
+      {"unit", unit_of(arguments)},
+      {"speed", arguments.options.speed},
+      {"from_s", selection.from_s},
+      {"to_s", selection.to_s ? Json(*selection.to_s) : Json(nullptr)},
+      {"sent", result.sent},
+      {"refused", result.refused},
+      {"passes", result.passes},
+      {"backwards", log.outline().backwards},
+      {"error_frames", log.outline().error_frames},
+      {"late", result.late},
+      {"timing_error",
+       result.lateness.count() == 0
+           ? Json(nullptr)
+           : latency_json({{.stage = "sent - deadline", .histogram = result.lateness}}).front()},
+      {"wall_s", result.wall_s},
+      {"realtime_problems", result.realtime_problems},
+      {"interrupted", result.signal != 0}};
 }
 
 int run_play(PlayArguments arguments) {
@@ -184,6 +187,11 @@ int run_play(PlayArguments arguments) {
   ProblemReport problems;
   const PlaybackLog log(selection, [&problems](const std::string& text) { problems.add(text); });
   static_cast<void>(problems.exit_code());  // says how many more there are: no reason not to play
+  if (arguments.options.passes != 1 && log.period_ns() == 0) {
+    throw std::invalid_argument(fmt::format(
+        "--loop: found only one time in {}, expected two, or --to for the length of a pass",
+        selection.log));
+  }
   const std::unique_ptr<PlaybackTarget> target = open_target(arguments);
   PlaybackView view(log);
   const auto show = [&](const PlaybackProgress& progress) {
@@ -227,14 +235,17 @@ void add_play_command(CLI::App& program, int& exit_code) {
       ->add_option("--speed", arguments->options.speed,
                    "So many times as fast; 0: as fast as the bus takes it")
       ->check(CLI::NonNegativeNumber)
+      ->check(check_finite)
       ->capture_default_str();
   command
       ->add_option("--from", selection.from_s,
                    "Begin so many seconds behind the log's begin; FAULTLINE_RUN comes all the same")
       ->check(CLI::NonNegativeNumber)
+      ->check(check_finite)
       ->capture_default_str();
   command->add_option("--to", selection.to_s, "End there; default: the log's end")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::PositiveNumber)
+      ->check(check_finite);
   command
       ->add_option("--loop", arguments->options.passes,
                    "Play it so many times over; without a number until SIGINT")

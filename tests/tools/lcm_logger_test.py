@@ -7,33 +7,13 @@ import collections
 import json
 import os
 import signal
-import socket
-import struct
 import subprocess
-import sys
 import unittest
 
 from faultline_program import FolderTest, decode_all, finish, read_log, reassemble_parts, wait_for
+from multicast_namespace import URL, enter_namespace, send_probe
 
-URL = "udpm://239.255.76.67:7667?ttl=0"
-IN_NAMESPACE = "FAULTLINE_TEST_IN_NAMESPACE"
 PARTS = {"scenario": "short.toml", "plant": "plant.toml", "bank_request": "bank.toml", "dbc": "bench.dbc"}
-
-
-def enter_namespace():
-    """Replaces this process by itself in a new network namespace with multicast on lo."""
-    own = ["--net"] if os.geteuid() == 0 else ["--net", "--map-root-user"]
-    set_up = 'ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec "$@"'
-    os.environ["PATH"] += ":/usr/sbin:/sbin"
-    os.execvpe("unshare", ["unshare", *own, "sh", "-c", set_up, "sh", sys.executable, os.path.abspath(__file__),
-                           *sys.argv[1:]], {**os.environ, IN_NAMESPACE: "1"})
-
-
-def send_probe():
-    """Publishes an LCM message (short form: magic, sequence number, channel, payload) on PROBE."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
-        sender.sendto(struct.pack(">II", 0x4C433032, 0) + b"PROBE\0", ("239.255.76.67", 7667))
 
 
 class LcmLogger(FolderTest):
@@ -144,6 +124,5 @@ class LcmLogger(FolderTest):
 
 
 if __name__ == "__main__":
-    if IN_NAMESPACE not in os.environ:
-        enter_namespace()
+    enter_namespace(__file__)
     unittest.main()

@@ -144,9 +144,13 @@ void LcmDiagnosis::end_diagnosis() {
   options_.on_end(*ended);
 }
 
-void LcmDiagnosis::on_pause() { sequence_.give_up(); }
-
 void LcmDiagnosis::attend() {
+  const auto now = std::chrono::steady_clock::now();
+  if (!sequence_.is_holding()) {
+    complete_until_ = now;
+  } else if (now - complete_until_ > kPatience) {
+    sequence_.give_up();
+  }
   if (diagnosis_) diagnosis_->attend();
 }
 

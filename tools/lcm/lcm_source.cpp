@@ -1,5 +1,6 @@
 #include "tools/lcm/lcm_source.h"
 
+#include <cerrno>
 #include <exception>
 #include <utility>
 
@@ -68,8 +69,10 @@ std::size_t LcmSource::receive(std::chrono::milliseconds timeout,
   std::size_t count = 0;
   auto wait = static_cast<int>(timeout.count());
   for (; count < kBatch; ++count, wait = 0) {
+    errno = 0;
     const int handled = lcm_handle_timeout(state_->lcm, wait);
     if (state_->error) std::rethrow_exception(std::exchange(state_->error, nullptr));
+    if (handled < 0 && errno == EINTR) break;  // a signal: the caller looks which
     if (handled < 0) {
       throw MessageSourceError(fmt::format("LCM {}: cannot receive any more", state_->url));
     }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <condition_variable>
 #include <exception>
+#include <limits>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -27,6 +28,7 @@ constexpr auto kLead = std::chrono::milliseconds(100);
 /// Longest sleep of the sender before it looks whether it shall stop.
 constexpr auto kLongestSleep = std::chrono::milliseconds(50);
 constexpr auto kProgressPeriod = std::chrono::milliseconds(100);
+constexpr std::int64_t kFarthest_ns = std::numeric_limits<std::int64_t>::max() / 2;
 /// Below the diagnosis of a bench on the same machine.
 constexpr int kPriority = 60;
 
@@ -54,8 +56,9 @@ class ReadAhead {
   void run() {
     try {
       bool goes_on = begin_chunk();
+      const std::int64_t period = log_->period_ns();
+      std::int64_t offset = 0;
       for (std::uint64_t pass = 0; goes_on && (passes_ == 0 || pass < passes_); ++pass) {
-        const std::int64_t offset = static_cast<std::int64_t>(pass) * log_->period_ns();
         log_->read({.on_frame =
                         [&](std::int64_t at_ns, const CanFrame& frame) {
                           return goes_on = add_frame(offset + at_ns - log_->from_ns(), frame);
@@ -66,6 +69,9 @@ class ReadAhead {
                           return goes_on =
                                      add_message(offset + at_ns - log_->from_ns(), channel, data);
                         }});
+        // Another pass would end beyond what times can say, centuries from here.
+        if (offset > kFarthest_ns - period) break;
+        offset += period;
       }
       if (goes_on) queue_.push(std::move(chunk_));
     } catch (...) {
@@ -80,19 +86,18 @@ class ReadAhead {
     return chunk.has_value();
   }
 
-  bool make_room(bool may_end_here) {
+  bool make_room() {
     const bool is_full =
         chunk_.items.size() >= kItemsPerChunk ||
         chunk_.bytes.size() + chunk_.frames.size() * sizeof(CanFrame) >= kBytesPerChunk;
-    if (!is_full || !may_end_here) return true;
+    if (!is_full) return true;
     queue_.push(std::move(chunk_));
     return begin_chunk();
   }
 
   bool add_frame(std::int64_t at_ns, const CanFrame& frame) {
-    const bool is_same_group = !chunk_.items.empty() && chunk_.items.back().at_ns == at_ns;
-    if (!make_room(!is_same_group)) return false;
-    if (!is_same_group) {
+    if (!make_room()) return false;
+    if (chunk_.items.empty() || chunk_.items.back().at_ns != at_ns) {
       chunk_.items.push_back(
           {.at_ns = at_ns, .begin = static_cast<std::uint32_t>(chunk_.frames.size())});
     }
@@ -103,7 +108,7 @@ class ReadAhead {
 
   bool add_message(std::int64_t at_ns, std::string_view channel,
                    std::span<const std::uint8_t> data) {
-    if (!make_room(true)) return false;
+    if (!make_room()) return false;
     std::vector<std::uint8_t>& bytes = chunk_.bytes;
     PlaybackItem item{.at_ns = at_ns, .channel = static_cast<std::uint32_t>(bytes.size())};
     bytes.insert(bytes.end(), channel.begin(), channel.end());
@@ -142,7 +147,6 @@ std::uint64_t passes_done(const PlaybackLog& log, const PlaybackResult& result) 
 
 void complete(const PlaybackLog& log, PlaybackResult& result, steady_clock::time_point begin) {
   result.passes = passes_done(log, result);
-  result.backwards = log.outline().backwards * result.passes;
   result.wall_s = std::chrono::duration<double>(steady_clock::now() - begin).count();
 }
 
@@ -155,7 +159,8 @@ class Player {
   PlaybackResult run(const std::function<void(const PlaybackProgress&)>& on_progress) {
     StopSignal stop;
     RealtimeProcess process;
-    start_ = steady_clock::now() + kLead;
+    start_ = steady_clock::now();
+    if (options_.speed > 0.0) start_ += kLead;
     std::thread sender([this] { send_all(); });
     try {
       watch(stop, on_progress);
@@ -239,10 +244,10 @@ class Player {
   [[nodiscard]] steady_clock::time_point deadline_of(std::int64_t at_ns) const {
     if (options_.speed == 1.0) return start_ + Nanoseconds(at_ns);
     // Exact to a nanosecond for 104 days; further than time itself at speeds next to nothing.
-    constexpr double kFarthest_ns = 9e18;
+    constexpr double kLatest_ns = 9e18;
     const double scaled = static_cast<double>(at_ns) / options_.speed;
     const auto since_epoch = static_cast<double>(start_.time_since_epoch().count());
-    return start_ + Nanoseconds(std::llround(std::min(scaled, kFarthest_ns - since_epoch)));
+    return start_ + Nanoseconds(std::llround(std::min(scaled, kLatest_ns - since_epoch)));
   }
 
   bool wait_until(steady_clock::time_point deadline) {

@@ -58,12 +58,13 @@ class PlaybackLog::Clock {
     begin(stamp_ns);
     // A stamp from outside may be anything.
     std::int64_t at_ns = 0;
-    if (__builtin_sub_overflow(stamp_ns, *base_, &at_ns))
-      at_ns = stamp_ns > 0 ? kLargestTime_ns : 0;
-    at_ns = std::min(at_ns, kLargestTime_ns);
+    if (__builtin_sub_overflow(stamp_ns, *base_, &at_ns)) {
+      at_ns = stamp_ns > 0 ? kLargestTime_ns : -kLargestTime_ns;
+    }
+    at_ns = std::clamp(at_ns, -kLargestTime_ns, kLargestTime_ns);
     is_backwards_ = at_ns < last_ns_;
     if (is_backwards_) {
-      if (last_ns_ - std::max<std::int64_t>(at_ns, 0) > kClockSetBack_ns) {
+      if (last_ns_ - at_ns > kClockSetBack_ns) {
         static_cast<void>(__builtin_sub_overflow(stamp_ns, last_ns_, &*base_));
       }
       at_ns = last_ns_;
