@@ -36,10 +36,10 @@ RunPublisher make_publisher(const BenchInputs& inputs, const BenchOptions& optio
 
 }  // namespace
 
-BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_, Endpoints buses_)
+BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
     : inputs(inputs_),
       options(options_),
-      buses(std::move(buses_)),
+      buses(open_endpoints(options.bus, inputs.map, options.has_probe)),
       plant(inputs.plant, inputs.map, inputs.schedule, inputs.bank.sample_time_s, inputs.x_initial),
       controller(inputs.map, inputs.control_law),
       diagnosis(inputs.map, inputs.bank, inputs.is_initial_state_known),
@@ -200,11 +200,7 @@ BenchResult BenchRun::finish(std::int64_t utime) {
 }
 
 BenchResult run_bench(const BenchInputs& inputs, const BenchOptions& options) {
-  return run_bench(inputs, options, open_endpoints(options.bus, inputs.map, options.has_probe));
-}
-
-BenchResult run_bench(const BenchInputs& inputs, const BenchOptions& options, Endpoints buses) {
-  BenchRun run(inputs, options, std::move(buses));
+  BenchRun run(inputs, options);
   if (options.is_realtime) {
     run_realtime(run);
   } else {

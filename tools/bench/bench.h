@@ -8,7 +8,6 @@
 #include <string>
 
 #include "tools/bench/bench_inputs.h"
-#include "tools/bench/endpoints.h"
 #include "tools/bench/latency_histogram.h"
 #include "tools/bench/run_history.h"
 #include "tools/bench/run_publisher.h"
@@ -79,8 +78,5 @@ struct BenchResult {
 /// @throws BusError, MessageSinkError the bus, the log or LCM failed; std::invalid_argument bus
 /// name.
 [[nodiscard]] BenchResult run_bench(const BenchInputs& inputs, const BenchOptions& options);
-/// The same on endpoints that are open already.
-[[nodiscard]] BenchResult run_bench(const BenchInputs& inputs, const BenchOptions& options,
-                                    Endpoints buses);
 
 }  // namespace faultline

@@ -32,7 +32,7 @@ struct PaceCounters {
 class BenchRun {
  public:
   /// @throws BusError, MessageSinkError, std::invalid_argument.
-  BenchRun(const BenchInputs& inputs, const BenchOptions& options, Endpoints buses);
+  BenchRun(const BenchInputs& inputs, const BenchOptions& options);
 
   // Consumer side: called by one thread only, the one that publishes.
 

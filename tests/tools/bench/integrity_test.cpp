@@ -29,8 +29,8 @@
 #include "tests/support/random_seed.h"
 #include "tests/tools/bench/log_comparison.h"
 #include "tools/bench/bench_run.h"
-#include "tools/lcm/channels.h"
 #include "tools/bench/run_summary.h"
+#include "tools/lcm/channels.h"
 
 namespace faultline {
 namespace {
