@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <optional>
 #include <random>
 #include <sstream>
 #include <string>
@@ -58,19 +59,22 @@ bool does_loopback_carry_multicast(const Socket& socket) {
   return (request.ifr_flags & kWanted) == kWanted;
 }
 
-/// Address by which a datagram to LCM's group leaves; 0 if it cannot, with errno set.
-in_addr_t way_to_group(const Socket& socket) {
+/// Address by which a datagram to LCM's group leaves; nothing if there is no route, with errno set.
+/// By lo it may be none: 127.0.0.1 is valid within the host only.
+std::optional<in_addr> way_to_group(const Socket& socket) {
   sockaddr_in group{};
   group.sin_family = AF_INET;
   group.sin_port = htons(kPort);
   group.sin_addr.s_addr = ::inet_addr(kGroup);
   if (::connect(socket.fd(), reinterpret_cast<const sockaddr*>(&group), sizeof group) != 0) {
-    return 0;
+    return std::nullopt;
   }
   sockaddr_in local{};
   socklen_t size = sizeof local;
-  if (::getsockname(socket.fd(), reinterpret_cast<sockaddr*>(&local), &size) != 0) return 0;
-  return local.sin_addr.s_addr;
+  if (::getsockname(socket.fd(), reinterpret_cast<sockaddr*>(&local), &size) != 0) {
+    return std::nullopt;
+  }
+  return local.sin_addr;
 }
 
 Socket udp_socket() { return Socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)); }
@@ -134,10 +138,11 @@ Finding check_can_interfaces() {
 Finding check_multicast() {
   Finding finding{.check = "multicast"};
   const Socket socket = udp_socket();
-  const in_addr_t local = way_to_group(socket);
+  const std::optional<in_addr> local = way_to_group(socket);
   const int error = errno;
-  const bool is_loopback = (ntohl(local) >> 24) == IN_LOOPBACKNET;
-  if (local == 0) {
+  const std::uint32_t address = local ? ntohl(local->s_addr) : 0;
+  const bool is_loopback = address == INADDR_ANY || (address >> 24) == IN_LOOPBACKNET;
+  if (!local) {
     finding.status = FindingStatus::kFail;
     finding.found = fmt::format("no route to {}: {}", kGroup, errno_text(error));
     finding.remedies = kMulticastRemedies;
@@ -146,9 +151,8 @@ Finding check_multicast() {
     finding.found = fmt::format("the route to {} is by lo, which carries no multicast", kGroup);
     finding.remedies = {kMulticastRemedies.front()};
   } else {
-    in_addr address{};
-    address.s_addr = local;
-    finding.found = fmt::format("{} is reached from {}", kGroup, ::inet_ntoa(address));
+    finding.found = is_loopback ? fmt::format("{} is reached by lo", kGroup)
+                                : fmt::format("{} is reached from {}", kGroup, ::inet_ntoa(*local));
   }
   return finding;
 }
@@ -156,7 +160,7 @@ Finding check_multicast() {
 Finding check_lcm() {
   Finding finding{.check = "LCM round trip"};
   finding.status = FindingStatus::kFail;
-  if (way_to_group(udp_socket()) == 0) {  // liblcm would try for ten seconds
+  if (!way_to_group(udp_socket())) {  // liblcm would try for ten seconds
     finding.found = "not tried: there is no multicast";
     finding.remedies = kMulticastRemedies;
     return finding;
