@@ -50,6 +50,7 @@ void write_to(const std::string& target, const std::function<void(std::FILE*)>& 
 void add_check_command(CLI::App& program, int& exit_code);
 void add_diagnose_command(CLI::App& program, int& exit_code);
 void add_design_command(CLI::App& program, int& exit_code);
+void add_doctor_command(CLI::App& program, int& exit_code);
 void add_play_command(CLI::App& program, int& exit_code);
 void add_replay_command(CLI::App& program, int& exit_code);
 void add_run_command(CLI::App& program, int& exit_code);

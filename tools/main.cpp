@@ -97,6 +97,7 @@ int run_program(int argc, char** argv) {
   add_log_command(program, exit_code);
   add_can_command(program, exit_code);
   add_decode_command(program, exit_code);
+  add_doctor_command(program, exit_code);
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

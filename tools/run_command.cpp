@@ -6,7 +6,9 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
+#include <map>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -21,6 +23,7 @@
 #include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
+#include "tools/allocation_count.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/endpoints.h"
 #include "tools/bench/run_summary.h"
@@ -30,11 +33,19 @@
 namespace faultline {
 namespace {
 
+const std::map<std::string, OverrunPolicy> kOverrunPolicies{{"catch-up", OverrunPolicy::kCatchUp},
+                                                            {"skip", OverrunPolicy::kSkip},
+                                                            {"stop", OverrunPolicy::kStop}};
+
 struct RunArguments {
   std::string scenario, bus, log, json, lcm_url;
   double log_split_MB = 0.0, log_split_s = 0.0;
   std::size_t log_keep = 0;
   bool is_realtime = false;
+  std::string overrun = "catch-up";
+  int priority = 80;
+  std::optional<int> cpu;
+  bool has_probe = false;
   bool has_no_log = false;
   bool is_quiet = false;
 };
@@ -95,7 +106,7 @@ std::filesystem::path default_log(const std::string& scenario_name) {
 int answer(const BenchResult& result) {
   if (result.is_interrupted) return kExitSignal + result.signal;
   if (result.stop_reason) {
-    return result.stop_reason->kind == StopReason::Kind::kBus ? kExitFailure : kExitNo;
+    return result.stop_reason->kind == StopReason::Kind::kPlant ? kExitNo : kExitFailure;
   }
   return result.history.are_expectations_met() ? kExitYes : kExitNo;
 }
@@ -117,6 +128,11 @@ int run(const RunArguments& arguments) {
   BenchOptions options;
   options.bus = arguments.bus.empty() ? inputs.scenario.bus : arguments.bus;
   options.is_realtime = arguments.is_realtime;
+  options.overrun = kOverrunPolicies.at(arguments.overrun);
+  options.priority = arguments.priority;
+  options.cpu = arguments.cpu;
+  options.has_probe = arguments.has_probe;
+  options.thread_allocations = &thread_allocations;
   const std::vector<std::string> buses = short_bus_names(options.bus);
   if (buses.size() > 1) {
     inputs.parts.push_back({"buses", "buses", fmt::format("{}\n", fmt::join(buses, "\n"))});
@@ -134,6 +150,10 @@ int run(const RunArguments& arguments) {
       progress.show(t_s, duration_s, verdict);
     };
   }
+  options.on_warning = [&progress](const std::string& text) {
+    progress.clear();
+    fmt::print(stderr, "faultline: warning: {}\n", text);
+  };
   const BenchResult result = run_bench(inputs, options);
   if (!arguments.is_quiet) progress.clear();
   print_summary(human_output(arguments.json), inputs, options, result);
@@ -152,8 +172,29 @@ void add_run_command(CLI::App& program, int& exit_code) {
       ->check(CLI::ExistingFile);
   command->add_option("--bus", arguments->bus,
                       fmt::format("{}; default: the scenario's, else loop", kBusNamesHelp));
-  command->add_flag("--realtime", arguments->is_realtime,
-                    "Cycles at absolute deadlines; default: lock-step, as fast as the machine can");
+  auto* realtime = command->add_flag(
+      "--realtime", arguments->is_realtime,
+      "Cycles at absolute deadlines; default: lock-step, as fast as the machine can");
+  command
+      ->add_option("--overrun", arguments->overrun,
+                   "A cycle a whole period late: catch-up (it and the next follow at once), skip "
+                   "(simulated but not sent), stop (the run ends, exit code 3)")
+      ->check(CLI::IsMember({"catch-up", "skip", "stop"}))
+      ->capture_default_str()
+      ->needs(realtime);
+  command
+      ->add_option("--priority", arguments->priority,
+                   "SCHED_FIFO priority of the diagnosis thread; 0: ordinary scheduling")
+      ->check(CLI::Range(0, 99))
+      ->capture_default_str()
+      ->needs(realtime);
+  command->add_option("--cpu", arguments->cpu, "CPU of the diagnosis thread; default: any")
+      ->check(CLI::Range(0, 1023))
+      ->needs(realtime);
+  command
+      ->add_flag("--probe", arguments->has_probe,
+                 "Also time a thread that only reads the bus, to compare the diagnosis with")
+      ->needs(realtime);
   auto* log = command->add_option(
       "--log", arguments->log,
       "LCM log to write; default: a new file in ./faultline-logs. An existing log is replaced");

@@ -43,7 +43,7 @@ RunPublisher make_publisher(const BenchInputs& inputs, const BenchOptions& optio
 BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
     : inputs(inputs_),
       options(options_),
-      buses(open_endpoints(options.bus, inputs.map)),
+      buses(open_endpoints(options.bus, inputs.map, options.has_probe)),
       plant(inputs.plant, inputs.map, inputs.schedule, inputs.bank.sample_time_s, inputs.x_initial),
       controller(inputs.map, inputs.control_law),
       diagnosis(inputs.map, inputs.bank, inputs.is_initial_state_known),
@@ -154,15 +154,10 @@ void BenchRun::on_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::
   publisher.publish_truth(truth, inputs.schedule.injections(), x, utime);
   ++seen_.cycles;
   if (truth.is_late) ++seen_.late_cycles;
-  if (utime >= next_stats_utime_) {
-    publisher.publish_stats(counters_now(), {}, truth.cycle, utime, false);
+  if (is_stats_due(utime)) {
+    publisher.publish_stats(counters_now(), latencies, truth.cycle, utime, false);
     next_stats_utime_ = utime + kStatsPeriod_us;
   }
-}
-
-void BenchRun::add_losses(std::uint64_t overruns, std::uint64_t records_dropped) noexcept {
-  seen_.overruns += overruns;
-  seen_.records_dropped += records_dropped;
 }
 
 RunCounters BenchRun::counters_now() const {
@@ -174,6 +169,12 @@ RunCounters BenchRun::counters_now() const {
   counters.send_errors = from_plant.send_errors + from_controller.send_errors;
   counters.frames_received = at_diagnosis.received;
   counters.frames_dropped = at_diagnosis.dropped;
+  counters.frames_unlogged = pace_.frames_unlogged;
+  counters.overruns = pace_.overruns;
+  counters.skipped_cycles = pace_.skipped_cycles;
+  counters.records_dropped = pace_.records_dropped;
+  counters.allocations = pace_.allocations;
+  counters.page_faults = pace_.page_faults;
   return counters;
 }
 
@@ -189,12 +190,13 @@ BenchResult BenchRun::finish(std::int64_t utime) {
   }
   RunCounters final_counters = counters_now();
   final_counters.clamped_values = plant.clamped_values() + controller.clamped_values();
-  publisher.publish_stats(final_counters, {}, plant.truth().cycle, utime, true);
+  publisher.publish_stats(final_counters, latencies, plant.truth().cycle, utime, true);
   publisher.close();
   const std::chrono::duration<double> wall = steady_clock::now() - start_;
   return {.history = std::move(history),
           .counters = final_counters,
           .messages = diagnosis.message_counters(),
+          .latencies = std::move(latencies),
           .is_interrupted = signal_ != 0,
           .signal = signal_,
           .stop_reason = stop_reason_,

@@ -32,14 +32,25 @@ void LatencyHistogram::record(Nanoseconds value, std::uint64_t count) noexcept {
 void LatencyHistogram::record_corrected(Nanoseconds value, Nanoseconds interval) noexcept {
   record(value);
   if (interval <= Nanoseconds::zero() || value <= interval) return;
-  // Of a stall of very many intervals every n-th is filled in with the weight n: a bounded time.
-  constexpr std::int64_t kMostSteps = 1024;
   const std::int64_t weight = 1 + value / interval / kMostSteps;
   const Nanoseconds step = weight * interval;
   for (Nanoseconds missing = value - interval; missing > Nanoseconds::zero(); missing -= step) {
     record(missing, static_cast<std::uint64_t>(weight));
     corrected_ += static_cast<std::uint64_t>(weight);
   }
+}
+
+void LatencyHistogram::record_missed(Nanoseconds value, Nanoseconds interval,
+                                     std::uint64_t missed) noexcept {
+  record(value);
+  const std::uint64_t weight = 1 + missed / kMostSteps;
+  // From the longest down: it is recorded whatever the weight.
+  for (std::uint64_t left = missed; left > 0;) {
+    const std::uint64_t count = std::min(weight, left);
+    record(value + static_cast<std::int64_t>(left) * interval, count);
+    left -= count;
+  }
+  corrected_ += missed;
 }
 
 void LatencyHistogram::add(const LatencyHistogram& other) noexcept {

@@ -31,6 +31,11 @@ class LatencyHistogram {
   /// (correction for coordinated omission, HdrHistogram's recordValueWithExpectedInterval).
   void record_corrected(Nanoseconds value, Nanoseconds interval) noexcept;
 
+  /// Records `value`, and for `missed` others that were due before it, one every `interval`, and
+  /// got no value of their own, how long they waited for this one: value + interval,
+  /// value + 2·interval, .., value + missed·interval. They count as filled in.
+  void record_missed(Nanoseconds value, Nanoseconds interval, std::uint64_t missed) noexcept;
+
   void add(const LatencyHistogram& other) noexcept;
 
   /// What `buckets`, `min`, `max` and `corrected` of a histogram tell of it. From outside: a
@@ -58,6 +63,9 @@ class LatencyHistogram {
   static constexpr int kOctaves = 36;
   static constexpr std::size_t kSubCount = std::size_t{1} << kSubBits;
   static constexpr std::size_t kBucketCount = kSubCount * (kOctaves - kSubBits + 1);
+
+  /// Of very many values to fill in every n-th is recorded with the weight n: a bounded time.
+  static constexpr std::int64_t kMostSteps = 1024;
 
   void record(Nanoseconds value, std::uint64_t count) noexcept;
   [[nodiscard]] static std::size_t bucket_of(std::uint64_t ns) noexcept;

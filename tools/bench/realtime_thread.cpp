@@ -75,15 +75,17 @@ RealtimeProcess::~RealtimeProcess() {
 void RealtimeProcess::lock_memory() {
   if (!can_lock_everything()) {
     problems_.push_back(
-        {"memory is not locked in RAM: RLIMIT_MEMLOCK would make later allocations fail",
+        {RealtimeNeed::kMemory,
+         "memory is not locked in RAM: RLIMIT_MEMLOCK would make later allocations fail",
          setcap_command()});
     return;
   }
   if (::mlockall(MCL_CURRENT | MCL_FUTURE) == 0) {
     is_memory_locked_ = true;
   } else {
-    problems_.push_back(
-        {fmt::format("memory is not locked in RAM: {}", system_text(errno)), setcap_command()});
+    problems_.push_back({RealtimeNeed::kMemory,
+                         fmt::format("memory is not locked in RAM: {}", system_text(errno)),
+                         setcap_command()});
   }
 }
 
@@ -92,12 +94,14 @@ void RealtimeProcess::hold_cpu_latency() {
   if (cpu_latency_fd_ < 0) {
     const int error = errno;
     if (error == ENOENT || error == ENXIO || error == ENODEV) {
-      problems_.push_back({fmt::format("{} does not exist in this kernel or container: its CPUs "
+      problems_.push_back({RealtimeNeed::kCpuLatency,
+                           fmt::format("{} does not exist in this kernel or container: its CPUs "
                                        "may sleep deeply between cycles",
                                        kCpuLatencyDevice),
                            ""});
     } else {
-      problems_.push_back({fmt::format("{} cannot be opened ({}): CPUs may sleep deeply between "
+      problems_.push_back({RealtimeNeed::kCpuLatency,
+                           fmt::format("{} cannot be opened ({}): CPUs may sleep deeply between "
                                        "cycles",
                                        kCpuLatencyDevice, system_text(error)),
                            fmt::format("sudo setfacl -m u:$USER:w {}", kCpuLatencyDevice)});
@@ -107,7 +111,8 @@ void RealtimeProcess::hold_cpu_latency() {
   const std::int32_t none_us = 0;
   if (::write(cpu_latency_fd_, &none_us, sizeof none_us) != sizeof none_us) {
     problems_.push_back(
-        {fmt::format("{} cannot be written: {}", kCpuLatencyDevice, system_text(errno)), ""});
+        {RealtimeNeed::kCpuLatency,
+         fmt::format("{} cannot be written: {}", kCpuLatencyDevice, system_text(errno)), ""});
   }
 }
 
@@ -124,7 +129,8 @@ std::vector<RealtimeProblem> make_thread_realtime(std::string_view name, int pri
     const int error = ::pthread_setaffinity_np(::pthread_self(), sizeof cpus, &cpus);
     if (error != 0) {
       problems.push_back(
-          {fmt::format("the {} thread is not bound to CPU {}: {}", name, *cpu, system_text(error)),
+          {RealtimeNeed::kCpu,
+           fmt::format("the {} thread is not bound to CPU {}: {}", name, *cpu, system_text(error)),
            "taskset -cp $$   # lists the CPUs that are allowed"});
     }
   }
@@ -133,7 +139,8 @@ std::vector<RealtimeProblem> make_thread_realtime(std::string_view name, int pri
     parameters.sched_priority = priority;
     const int error = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters);
     if (error != 0) {
-      problems.push_back({fmt::format("the {} thread has no SCHED_FIFO priority {}: {}", name,
+      problems.push_back({RealtimeNeed::kPriority,
+                          fmt::format("the {} thread has no SCHED_FIFO priority {}: {}", name,
                                       priority, system_text(error)),
                           setcap_command()});
     }

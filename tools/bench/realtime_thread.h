@@ -9,8 +9,12 @@
 
 namespace faultline {
 
+/// What a process or thread asks the system for.
+enum class RealtimeNeed { kPriority, kCpu, kMemory, kCpuLatency };
+
 /// What keeps a process or thread from running in real time as it should. The run goes on.
 struct RealtimeProblem {
+  RealtimeNeed need;
   std::string what;    ///< a sentence without its full stop
   std::string remedy;  ///< the exact command to type; empty: there is nothing to do about it
 };

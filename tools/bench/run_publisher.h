@@ -38,7 +38,9 @@ struct RunCounters {
   std::uint64_t skipped_cycles = 0;
   std::uint64_t records_dropped = 0;
   std::uint64_t clamped_values = 0;
-  std::optional<std::uint64_t> allocations;  ///< of the diagnosis thread after warm-up
+  // Of the diagnosis thread after warm-up; nothing where it is not counted.
+  std::optional<std::uint64_t> allocations;
+  std::optional<std::uint64_t> page_faults;
 };
 
 /// Encodes everything a run has to say as LCM messages and hands them to its sinks. Each channel

@@ -3,12 +3,56 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "tools/bench/latency_table.h"
 #include "tools/bench/verdict_report.h"
 
 namespace faultline {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+Json count_or_null(const std::optional<std::uint64_t>& count) {
+  return count ? Json(*count) : Json(nullptr);
+}
+
+/// Latency of the diagnosis, from the kernel's stamp to the queued record, over the bare reader's.
+struct ProbeRatio {
+  double p50 = 0.0, p99 = 0.0;
+};
+
+const LatencyHistogram* histogram_of(const std::vector<StageLatency>& stages,
+                                     std::string_view name) {
+  for (const StageLatency& stage : stages) {
+    if (stage.stage == name && stage.histogram.count() > 0) return &stage.histogram;
+  }
+  return nullptr;
+}
+
+std::optional<ProbeRatio> probe_ratio(const std::vector<StageLatency>& stages) {
+  const LatencyHistogram* const total = histogram_of(stages, "total");
+  const LatencyHistogram* const probe = histogram_of(stages, "probe: stamp->read");
+  if (total == nullptr || probe == nullptr) return std::nullopt;
+  const auto ratio_at = [&](double percent) {
+    const auto bare_ns = std::max<std::int64_t>(probe->percentile(percent).count(), 1);
+    return static_cast<double>(total->percentile(percent).count()) / static_cast<double>(bare_ns);
+  };
+  return ProbeRatio{ratio_at(50.0), ratio_at(99.0)};
+}
+
+void print_realtime(std::FILE* out, const BenchResult& result) {
+  const RunCounters& counters = result.counters;
+  if (counters.page_faults) {
+    fmt::print(out, "  diagnosis thread after warm-up: {}{} page faults\n",
+               counters.allocations ? fmt::format("{} allocations, ", *counters.allocations) : "",
+               *counters.page_faults);
+  }
+  const std::string table = latency_table(result.latencies);
+  if (!table.empty()) fmt::print(out, "\n{}", table);
+  if (const auto ratio = probe_ratio(result.latencies)) {
+    fmt::print(out, "  total : probe     p50 {:.2f}, p99 {:.2f}\n", ratio->p50, ratio->p99);
+  }
+  if (!table.empty()) fmt::print(out, "\n");
+}
 
 std::string delay_text(const std::optional<double>& delay_s) {
   return delay_s ? fmt::format("{:.0f} ms", *delay_s * 1e3) : "-";
@@ -119,11 +163,12 @@ void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions
   print_residuals(out, inputs.bank, result.history);
   fmt::print(out,
              "\n  frames   sent {}, received by the diagnosis {}, dropped {}, send errors {}\n"
-             "  cycles   {}, late {}, overruns {}\n"
+             "  cycles   {}, late {}, overruns {}, skipped {}\n"
              "  samples  {}, bad {}\n",
              counters.frames_sent, counters.frames_received, counters.frames_dropped,
              counters.send_errors, counters.cycles, counters.late_cycles, counters.overruns,
-             counters.samples, counters.bad_samples);
+             counters.skipped_cycles, counters.samples, counters.bad_samples);
+  print_realtime(out, result);
   print_integrity(out, inputs.map, result.messages);
   print_dbc_warnings(out, inputs.dbc_warnings);
   if (counters.clamped_values > 0) {
@@ -133,6 +178,10 @@ void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions
   if (counters.records_dropped > 0) {
     fmt::print(out, "  WARNING  {} samples are missing in log and summary: the queue was full\n",
                counters.records_dropped);
+  }
+  if (counters.frames_unlogged > 0) {
+    fmt::print(out, "  WARNING  {} received frames are missing in the log: its queue was full\n",
+               counters.frames_unlogged);
   }
   fmt::print(out, "  log      {}\n", log_text(options));
   const auto expectations = result.history.expectations();
@@ -177,9 +226,18 @@ nlohmann::ordered_json summary_json(const BenchInputs& inputs, const BenchOption
   json["frames"] = {{"sent", counters.frames_sent},
                     {"received", counters.frames_received},
                     {"dropped", counters.frames_dropped},
+                    {"unlogged", counters.frames_unlogged},
                     {"send_errors", counters.send_errors}};
-  json["cycles"] = {
-      {"total", counters.cycles}, {"late", counters.late_cycles}, {"overruns", counters.overruns}};
+  json["cycles"] = {{"total", counters.cycles},
+                    {"late", counters.late_cycles},
+                    {"overruns", counters.overruns},
+                    {"skipped", counters.skipped_cycles}};
+  json["diagnosis_thread"] = {{"allocations", count_or_null(counters.allocations)},
+                              {"page_faults", count_or_null(counters.page_faults)}};
+  json["latency"] = latency_json(result.latencies);
+  if (const auto ratio = probe_ratio(result.latencies)) {
+    json["probe_ratio"] = {{"p50", ratio->p50}, {"p99", ratio->p99}};
+  }
   json["messages"] = Json::array();
   for (std::size_t i = 0; i < result.messages.size(); ++i) {
     json["messages"].push_back(message_json(inputs.map.message_name(i), result.messages[i]));
