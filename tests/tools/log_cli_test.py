@@ -356,6 +356,44 @@ class Split(LogTest):
                 self.assertLessEqual({damage["at_end"] for damage in result["damages"]}, {True})
 
 
+def read_mat(data):
+    """{variable: [value]} of a MAT-file level 5 with columns of doubles, int64 and texts, as MATLAB's format says."""
+    def element(data, at):
+        kind, size = struct.unpack_from("<II", data, at)
+        return kind, data[at + 8:at + 8 + size], at + 8 + (size + 7) // 8 * 8
+
+    def array(data):
+        parts, at = [], 0
+        while at < len(data):
+            kind, part, at = element(data, at)
+            parts.append((kind, part))
+        (flags_kind, flags), (sizes_kind, sizes), (name_kind, name), *values = parts
+        assert (flags_kind, sizes_kind, name_kind) == (6, 5, 1), parts[:3]
+        rows, columns = struct.unpack("<ii", sizes)
+        array_class = struct.unpack_from("<I", flags)[0]
+        if array_class == 1:  # cells
+            assert columns == 1 and len(values) == rows and all(kind == 14 for kind, _ in values)
+            return name.decode(), [array(part)[1] for _, part in values]
+        ((kind, part),) = values
+        if array_class == 4:
+            text = part.decode()
+            assert kind == 16 and len(text) == columns and rows == (1 if text else 0)
+            return name.decode(), text
+        assert columns == 1 and (array_class, kind) in ((6, 9), (14, 12)), (array_class, kind)
+        return name.decode(), list(struct.unpack(f"<{rows}{'d' if kind == 9 else 'q'}", part))
+
+    assert data[:19] == b"MATLAB 5.0 MAT-file" and data[124:128] == b"\0\1IM"
+    variables, at = {}, 128
+    while at < len(data):
+        kind, part, end = element(data, at)
+        assert kind == 14 and end <= len(data)
+        name, values = array(part)
+        assert name not in variables
+        variables[name] = values
+        at = end
+    return variables
+
+
 class Cut(LogTest):
     def cut(self, *options, log="own.lcm"):
         self.run_ok("log", "cut", log, "-o", "cut.lcm", *options)
@@ -521,6 +559,21 @@ class Export(LogTest):
         self.assertLessEqual({"r1", "r6", "filter6_fired"}, set(tables["residual"][0]))
         self.assertLessEqual({"u2", "u3_deviation"}, set(tables["estimate"][0]))
 
+    def test_mat_files_hold_the_same(self):
+        tables = self.export()
+        self.run_ok("log", "export", "own.lcm", "-o", "mat", "--format", "mat")
+        self.assertEqual({name.removesuffix(".mat") for name in os.listdir(self.folder.file("mat"))}, set(tables))
+        for name, rows in tables.items():
+            variables = read_mat(self.folder.read(f"mat/{name}.mat"))
+            self.assertEqual(set(variables), set(rows[0]), name)
+            for column, values in variables.items():
+                cells = [row[column] for row in rows]
+                if isinstance(values[0], float):  # NaN: none
+                    self.assertEqual([float(cell or "nan") for cell in cells if cell], [v for v in values if v == v])
+                    self.assertEqual([not cell for cell in cells], [value != value for value in values], column)
+                else:
+                    self.assertEqual(cells, [str(value) for value in values], column)
+
     def test_what_is_in_no_table_is_told(self):
         short = next(event for event in self.events if event.channel == SAMPLE)
         others = [short._replace(data=short.data[:-1]), short._replace(channel="POSE")]
@@ -535,6 +588,7 @@ class Export(LogTest):
         self.folder.write("other.lcm", encode(event._replace(channel="POSE") for event in self.events[:3]))
         self.assertIn("found a file, expected a folder", self.fail(2, "export", "own.lcm", "-o", "file"))
         self.assertIn("found no messages of a run", self.fail(2, "export", "other.lcm", "-o", "tables"))
+        self.fail(2, "export", "own.lcm", "-o", "tables", "--format", "xls")
         self.assertIn("found no channel X", self.fail(2, "export", "own.lcm", "-o", "tables", "--channel", "X"))
         self.assertIn("cannot make folder", self.fail(3, "export", "own.lcm", "-o", "file/tables"))
         self.assertFalse(os.path.exists(self.folder.file("tables")))
