@@ -594,6 +594,37 @@ class Export(LogTest):
         self.assertFalse(os.path.exists(self.folder.file("tables")))
 
 
+class Damage(LogTest):
+    def damaged(self, generator):
+        """A log with a few changes of every kind, in headers, messages and between them."""
+        data = bytearray(self.log[:200000])
+        for _ in range(generator.randint(1, 30)):
+            at = generator.randrange(len(data))
+            if generator.random() < 0.5:  # where it hurts: in an event's header or its message's counts
+                at = min(data.find(b"\xED\xA1\xDA\x01", at) + generator.randrange(140), len(data) - 1)
+            kind = generator.randrange(4)
+            if kind == 0:
+                data[at] ^= 1 << generator.randrange(8)
+            elif kind == 1:
+                data[at:at + 8] = generator.choice([b"\x7F" + b"\xFF" * 7, b"\x80" + bytes(7), b"\xFF" * 8, bytes(8)])
+            elif kind == 2:
+                del data[at:at + generator.randrange(1, 5000)]
+            else:
+                data[at:at] = generator.randbytes(generator.randrange(1, 500))
+        return bytes(data)
+
+    def test_no_log_is_too_damaged(self):
+        generator = random.Random(SEED)
+        for number in range(25):
+            self.folder.write("damaged.lcm", self.damaged(generator))
+            for arguments, codes in ((["check", "damaged.lcm", "--json", "-"], [1]), (["info", "damaged.lcm"], [0]),
+                                     (["cut", "damaged.lcm", "-o", "cut.lcm", "--from-cycle", "50"], [0, 2]),
+                                     (["export", "damaged.lcm", "-o", "tables"], [0])):
+                with self.subTest(seed=SEED, number=number, arguments=arguments):
+                    answer = self.folder.run("log", *arguments)
+                    self.assertIn(answer.code, codes, answer.err)
+
+
 class Kill(LogTest):
     """A bench that is killed in real time leaves a log that is complete to its end."""
 
