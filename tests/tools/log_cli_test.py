@@ -356,6 +356,44 @@ class Split(LogTest):
                 self.assertLessEqual({damage["at_end"] for damage in result["damages"]}, {True})
 
 
+def read_mat(data):
+    """{variable: [value]} of a MAT-file level 5 with columns of doubles, int64 and texts, as MATLAB's format says."""
+    def element(data, at):
+        kind, size = struct.unpack_from("<II", data, at)
+        return kind, data[at + 8:at + 8 + size], at + 8 + (size + 7) // 8 * 8
+
+    def array(data):
+        parts, at = [], 0
+        while at < len(data):
+            kind, part, at = element(data, at)
+            parts.append((kind, part))
+        (flags_kind, flags), (sizes_kind, sizes), (name_kind, name), *values = parts
+        assert (flags_kind, sizes_kind, name_kind) == (6, 5, 1), parts[:3]
+        rows, columns = struct.unpack("<ii", sizes)
+        array_class = struct.unpack_from("<I", flags)[0]
+        if array_class == 1:  # cells
+            assert columns == 1 and len(values) == rows and all(kind == 14 for kind, _ in values)
+            return name.decode(), [array(part)[1] for _, part in values]
+        ((kind, part),) = values
+        if array_class == 4:
+            text = part.decode()
+            assert kind == 16 and len(text) == columns and rows == (1 if text else 0)
+            return name.decode(), text
+        assert columns == 1 and (array_class, kind) in ((6, 9), (14, 12)), (array_class, kind)
+        return name.decode(), list(struct.unpack(f"<{rows}{'d' if kind == 9 else 'q'}", part))
+
+    assert data[:19] == b"MATLAB 5.0 MAT-file" and data[124:128] == b"\0\1IM"
+    variables, at = {}, 128
+    while at < len(data):
+        kind, part, end = element(data, at)
+        assert kind == 14 and end <= len(data)
+        name, values = array(part)
+        assert name not in variables
+        variables[name] = values
+        at = end
+    return variables
+
+
 class Cut(LogTest):
     def cut(self, *options, log="own.lcm"):
         self.run_ok("log", "cut", log, "-o", "cut.lcm", *options)
@@ -521,6 +559,21 @@ class Export(LogTest):
         self.assertLessEqual({"r1", "r6", "filter6_fired"}, set(tables["residual"][0]))
         self.assertLessEqual({"u2", "u3_deviation"}, set(tables["estimate"][0]))
 
+    def test_mat_files_hold_the_same(self):
+        tables = self.export()
+        self.run_ok("log", "export", "own.lcm", "-o", "mat", "--format", "mat")
+        self.assertEqual({name.removesuffix(".mat") for name in os.listdir(self.folder.file("mat"))}, set(tables))
+        for name, rows in tables.items():
+            variables = read_mat(self.folder.read(f"mat/{name}.mat"))
+            self.assertEqual(set(variables), set(rows[0]), name)
+            for column, values in variables.items():
+                cells = [row[column] for row in rows]
+                if isinstance(values[0], float):  # NaN: none
+                    self.assertEqual([float(cell or "nan") for cell in cells if cell], [v for v in values if v == v])
+                    self.assertEqual([not cell for cell in cells], [value != value for value in values], column)
+                else:
+                    self.assertEqual(cells, [str(value) for value in values], column)
+
     def test_what_is_in_no_table_is_told(self):
         short = next(event for event in self.events if event.channel == SAMPLE)
         others = [short._replace(data=short.data[:-1]), short._replace(channel="POSE")]
@@ -535,9 +588,41 @@ class Export(LogTest):
         self.folder.write("other.lcm", encode(event._replace(channel="POSE") for event in self.events[:3]))
         self.assertIn("found a file, expected a folder", self.fail(2, "export", "own.lcm", "-o", "file"))
         self.assertIn("found no messages of a run", self.fail(2, "export", "other.lcm", "-o", "tables"))
+        self.fail(2, "export", "own.lcm", "-o", "tables", "--format", "xls")
         self.assertIn("found no channel X", self.fail(2, "export", "own.lcm", "-o", "tables", "--channel", "X"))
         self.assertIn("cannot make folder", self.fail(3, "export", "own.lcm", "-o", "file/tables"))
         self.assertFalse(os.path.exists(self.folder.file("tables")))
+
+
+class Damage(LogTest):
+    def damaged(self, generator):
+        """A log with a few changes of every kind, in headers, messages and between them."""
+        data = bytearray(self.log[:200000])
+        for _ in range(generator.randint(1, 30)):
+            at = generator.randrange(len(data))
+            if generator.random() < 0.5:  # where it hurts: in an event's header or its message's counts
+                at = min(data.find(b"\xED\xA1\xDA\x01", at) + generator.randrange(140), len(data) - 1)
+            kind = generator.randrange(4)
+            if kind == 0:
+                data[at] ^= 1 << generator.randrange(8)
+            elif kind == 1:
+                data[at:at + 8] = generator.choice([b"\x7F" + b"\xFF" * 7, b"\x80" + bytes(7), b"\xFF" * 8, bytes(8)])
+            elif kind == 2:
+                del data[at:at + generator.randrange(1, 5000)]
+            else:
+                data[at:at] = generator.randbytes(generator.randrange(1, 500))
+        return bytes(data)
+
+    def test_no_log_is_too_damaged(self):
+        generator = random.Random(SEED)
+        for number in range(25):
+            self.folder.write("damaged.lcm", self.damaged(generator))
+            for arguments, codes in ((["check", "damaged.lcm", "--json", "-"], [1]), (["info", "damaged.lcm"], [0]),
+                                     (["cut", "damaged.lcm", "-o", "cut.lcm", "--from-cycle", "50"], [0, 2]),
+                                     (["export", "damaged.lcm", "-o", "tables"], [0])):
+                with self.subTest(seed=SEED, number=number, arguments=arguments):
+                    answer = self.folder.run("log", *arguments)
+                    self.assertIn(answer.code, codes, answer.err)
 
 
 class Kill(LogTest):

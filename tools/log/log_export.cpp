@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
-#include <iterator>
 #include <memory>
 #include <optional>
 #include <set>
@@ -21,7 +20,7 @@
 #include "tools/log/channel_choice.h"
 #include "tools/log/log_files.h"
 #include "tools/log/message_table.h"
-#include "tools/log/replaced_file.h"
+#include "tools/log/table_file.h"
 
 namespace faultline {
 namespace {
@@ -65,84 +64,40 @@ Survey survey(const LogExport& request) {
   return survey;
 }
 
-void append(fmt::memory_buffer& out, std::string_view text) {
-  out.append(text.data(), text.data() + text.size());
-}
-
-/// RFC 4180: quoted where it holds a comma, a quote or a line end. Doubles: the shortest text that
-/// reads back to the bit.
-void append_cell(fmt::memory_buffer& out, const Cell& cell) {
-  if (const auto* whole = std::get_if<std::int64_t>(&cell)) {
-    fmt::format_to(std::back_inserter(out), "{}", *whole);
-  } else if (const auto* real = std::get_if<double>(&cell)) {
-    fmt::format_to(std::back_inserter(out), "{}", *real);
-  } else if (const auto* text = std::get_if<std::string>(&cell)) {
-    if (text->find_first_of(",\"\r\n") == std::string::npos) return append(out, *text);
-    out.push_back('"');
-    for (const char c : *text) {
-      if (c == '"') out.push_back('"');
-      out.push_back(c);
-    }
-    out.push_back('"');
-  }
-}
-
-class CsvTable {
+/// The messages of a channel on their way to a file.
+class ChannelTable {
  public:
-  CsvTable(const MessageType& type, const Survey& survey, std::filesystem::path file)
-      : table_(type, survey.names, survey.first_utime), name_(file.string()), file_(name_) {}
+  ChannelTable(const MessageType& type, const Survey& survey, std::filesystem::path file,
+               LogExport::Format format)
+      : table_(type, survey.names, survey.first_utime),
+        name_(file.string()),
+        file_(format == LogExport::Format::kMat ? open_mat_file(file) : open_csv_file(file)) {}
 
   /// @return false if the message is in no row.
   bool take(const LogEvent& event) {
-    const bool is_read = table_.read(event, [this](std::span<const Cell> cells) {
-      if (rows_++ == 0) write_columns();
-      write_row(cells);
+    return table_.read(event, [this](std::span<const Cell> cells) {
+      file_->add_row(table_.columns(), cells);
+      ++rows_;
     });
-    flush(kLarge);
-    return is_read;
   }
   LogExportResult::Table commit() {
-    flush(0);
-    file_.commit();
+    file_->commit();
     return {name_, rows_};
   }
 
  private:
-  static constexpr std::size_t kLarge = std::size_t{1} << 16;
-
-  void write_columns() {
-    for (std::size_t i = 0; i < table_.columns().size(); ++i) {
-      if (i > 0) buffer_.push_back(',');
-      append_cell(buffer_, Cell(table_.columns()[i]));
-    }
-    append(buffer_, "\n");
-  }
-  void write_row(std::span<const Cell> cells) {
-    for (std::size_t i = 0; i < cells.size(); ++i) {
-      if (i > 0) buffer_.push_back(',');
-      append_cell(buffer_, cells[i]);
-    }
-    append(buffer_, "\n");
-  }
-  void flush(std::size_t from) {
-    if (buffer_.size() <= from) return;
-    file_.write(buffer_.data(), buffer_.size());
-    buffer_.clear();
-  }
-
   MessageTable table_;
   std::string name_;
-  ReplacedFile file_;
-  fmt::memory_buffer buffer_;
+  std::unique_ptr<TableFile> file_;
   std::uint64_t rows_ = 0;
 };
 
 /// FAULTLINE_SAMPLE: sample.csv
-std::string file_name(const MessageType& type) {
+std::string file_name(const MessageType& type, LogExport::Format format) {
   std::string name(type.channel.substr(type.channel.find('_') + 1));
   std::transform(name.begin(), name.end(), name.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return name + ".csv";
+  return name + (format == LogExport::Format::kMat ? ".mat" : ".csv");
 }
 
 void make_folder(const std::string& folder) {
@@ -159,7 +114,7 @@ void make_folder(const std::string& folder) {
 LogExportResult export_log(const LogExport& request) {
   const Survey found = survey(request);
   LogExportResult result;
-  std::map<std::string, std::unique_ptr<CsvTable>, std::less<>> tables;
+  std::map<std::string, std::unique_ptr<ChannelTable>, std::less<>> tables;
   LogFiles log(request.files);
   while (const LogEvent* event = log.next()) {
     if (!is_chosen(request.channels, event->channel)) continue;
@@ -167,8 +122,9 @@ LogExportResult export_log(const LogExport& request) {
     const bool is_tabular = type != nullptr && MessageTable::is_tabular(*type);
     if (is_tabular && tables.find(event->channel) == tables.end()) {
       make_folder(request.folder);
-      tables[std::string(event->channel)] = std::make_unique<CsvTable>(
-          *type, found, std::filesystem::path(request.folder) / file_name(*type));
+      tables[std::string(event->channel)] = std::make_unique<ChannelTable>(
+          *type, found, std::filesystem::path(request.folder) / file_name(*type, request.format),
+          request.format);
     }
     if (!is_tabular || !tables.find(event->channel)->second->take(*event)) {
       ++result.skipped[std::string(event->channel)];

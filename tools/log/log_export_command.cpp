@@ -1,3 +1,4 @@
+#include <map>
 #include <memory>
 #include <string>
 
@@ -32,8 +33,8 @@ int export_tables(const LogExport& request) {
 }  // namespace
 
 void add_log_export_command(CLI::App& parent, int& exit_code) {
-  CLI::App* command =
-      parent.add_subcommand("export", "Write a log's messages as tables: a CSV file per channel");
+  CLI::App* command = parent.add_subcommand(
+      "export", "Write a log's messages as tables: a CSV or MAT file per channel");
   auto request = std::make_shared<LogExport>();
   command->add_option("FILE", request->files, "LCM log; several: one log that was split, in order")
       ->required()
@@ -41,13 +42,20 @@ void add_log_export_command(CLI::App& parent, int& exit_code) {
   command
       ->add_option(
           "-o,--output", request->folder,
-          "Folder for sample.csv, residual.csv, ..; made if it is not there. Files of these "
+          "Folder for sample.csv, can.csv, .. (or .mat); made if it is not there. Files of these "
           "names are replaced")
       ->required();
   command
       ->add_option("--channel", request->channels,
                    "Only these channels: SAMPLE, FAULTLINE_CAN, ..; default: all")
       ->type_name("NAME");
+  using Format = LogExport::Format;
+  const std::map<std::string, Format> formats{{"csv", Format::kCsv}, {"mat", Format::kMat}};
+  command
+      ->add_option("--format", request->format,
+                   "csv (default); mat: MATLAB, a variable per column (memory: the whole table)")
+      ->type_name("csv|mat")
+      ->transform(CLI::CheckedTransformer(formats).description(""));
   command->footer(
       "A row per message, in can.csv per frame. t_s counts from the log's first event. Columns "
       "have "
