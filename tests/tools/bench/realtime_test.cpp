@@ -157,8 +157,8 @@ TEST_F(RealtimeRun, TellsOfABusThatFellSilentAndOfItsReturn) {
   for (const event_t& event : logged<event_t>(kEventChannel)) {
     if (event.source == "watchdog") told.push_back(event.text);
   }
-  EXPECT_THAT(told, testing::ElementsAre(HasSubstr("bus silent: no frame for 0."),
-                                         HasSubstr("bus is back")));
+  EXPECT_THAT(
+      told, testing::ElementsAre(HasSubstr("bus silent: no frame for "), HasSubstr("bus is back")));
 }
 
 TEST_F(RealtimeRun, TellsTheLatencyOfEachStageInStats) {
