@@ -77,11 +77,11 @@ class RealtimeRun : public testing::Test {
     options_.is_realtime = true;
     options_.log = folder_.path() / "run.lcm";
   }
-  /// A second of 100 Hz whose plant stalls for 95 ms in cycle 40.
-  BenchResult run_stalled(OverrunPolicy policy) {
+  /// A second of 100 Hz whose plant stalls in cycle 40.
+  BenchResult run_stalled(OverrunPolicy policy, std::chrono::milliseconds stall = 95ms) {
     options_.overrun = policy;
     BenchRun run(inputs_, options_);
-    run.buses.plant = std::make_unique<StallingBus>(std::move(run.buses.plant), 40, 95ms);
+    run.buses.plant = std::make_unique<StallingBus>(std::move(run.buses.plant), 40, stall);
     run_realtime(run);
     return run.finish(run.utime_of(inputs_.scenario.duration_s));
   }
@@ -149,6 +149,16 @@ TEST_F(RealtimeRun, StopsAtTheFirstOverrunAndSaysWhereAndHowLate) {
   EXPECT_LT(result.counters.cycles, 101U);
   EXPECT_EQ(logged<event_t>(kEventChannel).back().text, result.stop_reason->text);
   EXPECT_EQ(logged<stats_t>(kStatsChannel).back().is_final, 1);
+}
+
+TEST_F(RealtimeRun, TellsOfABusThatFellSilentAndOfItsReturn) {
+  static_cast<void>(run_stalled(OverrunPolicy::kCatchUp, 900ms));
+  std::vector<std::string> told;
+  for (const event_t& event : logged<event_t>(kEventChannel)) {
+    if (event.source == "watchdog") told.push_back(event.text);
+  }
+  EXPECT_THAT(
+      told, testing::ElementsAre(HasSubstr("bus silent: no frame for "), HasSubstr("bus is back")));
 }
 
 TEST_F(RealtimeRun, TellsTheLatencyOfEachStageInStats) {
