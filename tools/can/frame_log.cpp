@@ -179,9 +179,11 @@ FrameLogCount read_lcm(const std::string& file, const FrameLogReceiver& receiver
   const auto tell_damages = [&] {
     for (; told_damages < log.damages().size(); ++told_damages) {
       const LogDamage& damage = log.damages()[told_damages];
-      // A log that ends in the middle of an event is that of a run that was killed: no mistake.
-      if (!damage.is_end) ++count.problems;
-      receiver.on_problem(describe(log.name(), damage));
+      if (damage.is_end) {
+        receiver.on_remark(describe(log.name(), damage));
+      } else {
+        tell(describe(log.name(), damage));
+      }
     }
   };
   while (const LogEvent* event = log.next()) {
