@@ -17,7 +17,7 @@ using testing::IsEmpty;
 /// A message `sequence` with `frames` frames, of which the first has the number `first_frame`.
 FrameBatch message(std::int64_t sequence, std::int64_t first_frame, std::int32_t frames = 2) {
   FrameBatch batch;
-  batch.utime = 1'000 + first_frame;
+  batch.utime = first_frame / 2;
   batch.sequence = sequence;
   batch.first_frame = first_frame;
   batch.frame_count = frames;
