@@ -31,7 +31,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::string_view kLcmPrefix = "lcm:";
-constexpr char kListenedChannels[] = "FAULTLINE_(RUN|CAN)";
+constexpr char kListenedChannels[] = "FAULTLINE_(RUN|CAN|STATS)";
 /// Longest wait for a message: a signal, or the end, is noticed that late.
 constexpr std::chrono::milliseconds kWait{50};
 

@@ -1,5 +1,6 @@
 #include "tools/bench/lcm_diagnosis.h"
 
+#include <algorithm>
 #include <utility>
 
 #include <fmt/format.h>
@@ -61,6 +62,12 @@ void LcmDiagnosis::on_message(const LiveMessage& message) {
     } else {
       ++undecodable_;
     }
+  } else if (message.channel == kStatsChannel) {
+    if (decode_message(message.data, layout::kStats, stats_)) {
+      on_stats();
+    } else {
+      ++undecodable_;
+    }
   }
 }
 
@@ -82,6 +89,15 @@ void LcmDiagnosis::on_run(const run_t& chunk) {
   options_.tell(fmt::format("diagnosing {}", inputs_->name));
 }
 
+void LcmDiagnosis::on_stats() {
+  // lcm-gen's decoder leaves arrays alone whose count is zero.
+  if (stats_.is_final == 0 || stats_.channel_count <= 0) return;
+  const auto found = std::find(stats_.channel.begin(), stats_.channel.end(), kCanChannel);
+  if (found == stats_.channel.end()) return;
+  sequence_.announce_end(
+      stats_.published[static_cast<std::size_t>(found - stats_.channel.begin())]);
+}
+
 void LcmDiagnosis::on_batch(const FrameBatch& batch) {
   if (inputs_) {
     diagnose(batch);
@@ -91,6 +107,7 @@ void LcmDiagnosis::on_batch(const FrameBatch& batch) {
 }
 
 void LcmDiagnosis::keep(const FrameBatch& batch) {
+  if (batch.frames.empty()) return;
   kept_.push_back(batch);
   kept_frames_ += batch.frames.size();
   while (kept_frames_ > kMostKept) {
@@ -120,12 +137,16 @@ void LcmDiagnosis::diagnose(const FrameBatch& batch) {
 }
 
 void LcmDiagnosis::on_gap(const FrameGap& gap) {
-  const std::string text =
-      gap.lost_messages > 0
-          ? fmt::format("{} messages lost on {} with {} frames, from number {} on",
-                        gap.lost_messages, options_.source, gap.frames, gap.first_frame)
-          : fmt::format("{} frames are missing from number {} on: dropped before they were sent",
-                        gap.frames, gap.first_frame);
+  std::string text;
+  if (gap.lost_messages == 0) {
+    text = fmt::format("{} frames are missing from number {} on: dropped before they were sent",
+                       gap.frames, gap.first_frame);
+  } else {
+    const std::string frames =
+        gap.frames > 0 ? fmt::format("with {} frames", gap.frames) : "at the end of the run";
+    text = fmt::format("{} messages lost on {} {}, from number {} on", gap.lost_messages,
+                       options_.source, frames, gap.first_frame);
+  }
   options_.tell(text);
   if (diagnosis_ && gap.lost_messages > 0) diagnosis_->tell("warning", "diagnose", text);
 }
@@ -146,7 +167,7 @@ void LcmDiagnosis::end_diagnosis() {
 
 void LcmDiagnosis::attend() {
   const auto now = std::chrono::steady_clock::now();
-  if (!sequence_.is_holding()) {
+  if (!sequence_.is_waiting()) {
     complete_until_ = now;
   } else if (now - complete_until_ > kPatience) {
     sequence_.give_up();

@@ -9,6 +9,7 @@
 #include <string>
 
 #include <faultline/run_t.hpp>
+#include <faultline/stats_t.hpp>
 
 #include "tools/bench/live_diagnosis.h"
 #include "tools/lcm/frame_sequence.h"
@@ -17,7 +18,8 @@
 
 namespace faultline {
 
-/// Live diagnosis of what FAULTLINE_RUN and FAULTLINE_CAN bring over LCM.
+/// Live diagnosis of what FAULTLINE_RUN and FAULTLINE_CAN bring over LCM. The last FAULTLINE_STATS
+/// of a run says how many messages there were, and so whether the last ones came.
 ///
 /// A diagnosis begins with the first frames after the parts of a run are whole; frames that came
 /// before are kept until then, at most kMostKept. Another run_id, or numbers of frames that begin
@@ -61,6 +63,7 @@ class LcmDiagnosis {
 
  private:
   void on_run(const run_t& chunk);
+  void on_stats();
   void on_batch(const FrameBatch& batch);
   void on_gap(const FrameGap& gap);
   void on_restart();
@@ -79,6 +82,7 @@ class LcmDiagnosis {
   std::chrono::steady_clock::time_point complete_until_;  ///< last time nothing was missing
   FrameBatch batch_;
   run_t run_;
+  stats_t stats_;
 };
 
 }  // namespace faultline

@@ -9,6 +9,11 @@ void FrameSequence::start_over() {
   last_.clear();
   given_up_.clear();
   is_started_ = false;
+  announced_ = 0;
+}
+
+void FrameSequence::announce_end(std::int64_t message_count) {
+  if (message_count <= kLargestNumber) announced_ = message_count;
 }
 
 bool FrameSequence::is_copy(const FrameBatch& batch) const noexcept {
@@ -93,6 +98,14 @@ void FrameSequence::deliver_oldest_held() {
 
 void FrameSequence::give_up() {
   while (!held_.empty()) deliver_oldest_held();
+  if (!is_waiting()) return;
+  // How many frames were in them nobody knows.
+  const FrameGap gap{.first_frame = next_frame_, .lost_messages = announced_ - next_sequence_};
+  counters_.lost_messages += static_cast<std::uint64_t>(gap.lost_messages);
+  given_up_.push_back({next_sequence_, announced_});
+  if (given_up_.size() > kMostHeld) given_up_.pop_front();
+  next_sequence_ = announced_;
+  receiver_.on_gap(gap);
 }
 
 }  // namespace faultline

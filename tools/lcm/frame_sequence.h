@@ -52,12 +52,17 @@ class FrameSequence {
   explicit FrameSequence(Receiver receiver) : receiver_(std::move(receiver)) {}
 
   void push(const FrameBatch& batch);
+  /// The sender says that so many messages were all: those that are missing at the end are, too.
+  void announce_end(std::int64_t message_count);
   /// What is missing will not come any more: hands on what is held.
   void give_up();
   /// The next message begins the numbers, whatever they are.
   void start_over();
 
-  [[nodiscard]] bool is_holding() const noexcept { return !held_.empty(); }
+  /// Something is missing that may still come.
+  [[nodiscard]] bool is_waiting() const noexcept {
+    return !held_.empty() || (is_started_ && next_sequence_ < announced_);
+  }
   [[nodiscard]] const FrameSequenceCounters& counters() const noexcept { return counters_; }
 
  private:
@@ -79,6 +84,7 @@ class FrameSequence {
   FrameSequenceCounters counters_;
   bool is_started_ = false;
   std::int64_t next_sequence_ = 0, next_frame_ = 0;
+  std::int64_t announced_ = 0;  ///< messages in all; 0: not known
   std::map<std::int64_t, FrameBatch> held_;
   std::deque<Delivered> last_;  ///< the last ones handed on, at most kMostHeld
   std::deque<Range> given_up_;  ///< the last gaps, at most kMostHeld

@@ -158,7 +158,8 @@ class Player {
 
   PlaybackResult run(const std::function<void(const PlaybackProgress&)>& on_progress) {
     StopSignal stop;
-    RealtimeProcess process;
+    std::optional<RealtimeProcess> process;
+    if (options_.speed > 0.0) process.emplace();
     start_ = steady_clock::now();
     if (options_.speed > 0.0) start_ += kLead;
     std::thread sender([this] { send_all(); });
@@ -174,9 +175,7 @@ class Player {
     sender.join();
     if (result_.signal == 0) ahead_.rethrow();
     complete(*log_, result_, start_);
-    for (const RealtimeProblem& problem : process.problems()) {
-      result_.realtime_problems.push_back(to_text(problem));
-    }
+    if (process) add_problems(process->problems());
     return std::move(result_);
   }
 
@@ -197,6 +196,12 @@ class Player {
     if (result_.signal == 0) result_.signal = stop.poll();
   }
 
+  void add_problems(const std::vector<RealtimeProblem>& problems) {
+    for (const RealtimeProblem& problem : problems) {
+      result_.realtime_problems.push_back(to_text(problem));
+    }
+  }
+
   [[nodiscard]] double silence_s() const {
     const auto left = next_deadline_.load() - steady_clock::now().time_since_epoch();
     return std::max(std::chrono::duration<double>(left).count(), 0.0);
@@ -204,9 +209,7 @@ class Player {
 
   void send_all() {
     if (options_.speed > 0.0) {
-      for (const RealtimeProblem& problem : make_thread_realtime("play", kPriority, std::nullopt)) {
-        result_.realtime_problems.push_back(to_text(problem));
-      }
+      add_problems(make_thread_realtime("play", kPriority, std::nullopt));
     }
     std::optional<PlaybackChunk> chunk = ahead_.queue().next({});
     while (chunk && send(*chunk)) chunk = ahead_.queue().next(std::move(*chunk));

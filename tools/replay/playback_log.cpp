@@ -191,8 +191,9 @@ void PlaybackLog::read_frames(Pass& pass) const {
     if (!goes_on) throw Enough();
   };
   try {
-    static_cast<void>(read_frame_log(selection_.log, selection_.dbc.get(),
-                                     {.on_frame = on_frame, .on_problem = pass.on_problem}));
+    static_cast<void>(read_frame_log(
+        selection_.log, selection_.dbc.get(),
+        {.on_frame = on_frame, .on_problem = pass.on_problem, .on_remark = pass.on_problem}));
   } catch (const Enough&) {
   }
   messages.flush();

@@ -17,7 +17,7 @@ using testing::IsEmpty;
 /// A message `sequence` with `frames` frames, of which the first has the number `first_frame`.
 FrameBatch message(std::int64_t sequence, std::int64_t first_frame, std::int32_t frames = 2) {
   FrameBatch batch;
-  batch.utime = 1'000 + first_frame;
+  batch.utime = first_frame / 2;
   batch.sequence = sequence;
   batch.first_frame = first_frame;
   batch.frame_count = frames;
@@ -53,14 +53,14 @@ TEST_F(FrameSequenceTest, HandsOnWhatComesInOrder) {
 TEST_F(FrameSequenceTest, PutsSwappedMessagesInOrder) {
   for (const std::int64_t n : {0, 2, 3, 1, 4}) sequence_.push(nth(n));
   EXPECT_THAT(told_, ElementsAre("0", "2", "4", "6", "8"));
-  EXPECT_FALSE(sequence_.is_holding());
+  EXPECT_FALSE(sequence_.is_waiting());
   EXPECT_EQ(sequence_.counters().lost_messages, 0u);
 }
 
 TEST_F(FrameSequenceTest, TellsWhatWasLostWhenItIsGivenUp) {
   for (const std::int64_t n : {0, 3, 4}) sequence_.push(nth(n));
   EXPECT_THAT(told_, ElementsAre("0"));
-  EXPECT_TRUE(sequence_.is_holding());
+  EXPECT_TRUE(sequence_.is_waiting());
   sequence_.give_up();
   EXPECT_THAT(told_, ElementsAre("0", "gap at 2: 4 frames, 2 messages", "6", "8"));
   EXPECT_EQ(sequence_.counters().lost_messages, 2u);
@@ -75,7 +75,7 @@ TEST_F(FrameSequenceTest, WaitsForNoMoreThanItMayHold) {
   sequence_.push(nth(kMost + 2));
   EXPECT_EQ(told_[1], "gap at 2: 2 frames, 1 messages");
   EXPECT_EQ(told_.size(), 2u + FrameSequence::kMostHeld + 1u);
-  EXPECT_FALSE(sequence_.is_holding());
+  EXPECT_FALSE(sequence_.is_waiting());
 }
 
 TEST_F(FrameSequenceTest, CountsLateMessagesAndCopiesAndDoesNotUseThem) {
@@ -124,6 +124,26 @@ TEST_F(FrameSequenceTest, FramesThatGoBackUnderRisingMessagesAreARestart) {
   sequence_.push(message(0, 100));
   sequence_.push(message(1, 0));
   EXPECT_THAT(told_, ElementsAre("100", "restart", "0"));
+}
+
+TEST_F(FrameSequenceTest, MissesTheLastMessagesOnceTheirNumberIsKnown) {
+  for (const std::int64_t n : {0, 1}) sequence_.push(nth(n));
+  sequence_.give_up();
+  EXPECT_FALSE(sequence_.is_waiting());
+  sequence_.announce_end(4);
+  EXPECT_TRUE(sequence_.is_waiting());
+  sequence_.give_up();
+  EXPECT_THAT(told_, ElementsAre("0", "2", "gap at 4: 0 frames, 2 messages"));
+  EXPECT_EQ(sequence_.counters().lost_messages, 2u);
+  sequence_.push(nth(2));
+  EXPECT_EQ(sequence_.counters().late_messages, 1u);
+}
+
+TEST_F(FrameSequenceTest, MissesNothingWhereAllMessagesCame) {
+  sequence_.announce_end(2);
+  for (const std::int64_t n : {0, 1}) sequence_.push(nth(n));
+  sequence_.give_up();
+  EXPECT_THAT(told_, ElementsAre("0", "2"));
 }
 
 TEST_F(FrameSequenceTest, TakesNoNumbersThatNobodyCountsTo) {
