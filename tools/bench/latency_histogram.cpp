@@ -29,17 +29,6 @@ void LatencyHistogram::record(Nanoseconds value, std::uint64_t count) noexcept {
   count_ += count;
 }
 
-void LatencyHistogram::record_corrected(Nanoseconds value, Nanoseconds interval) noexcept {
-  record(value);
-  if (interval <= Nanoseconds::zero() || value <= interval) return;
-  const std::int64_t weight = 1 + value / interval / kMostSteps;
-  const Nanoseconds step = weight * interval;
-  for (Nanoseconds missing = value - interval; missing > Nanoseconds::zero(); missing -= step) {
-    record(missing, static_cast<std::uint64_t>(weight));
-    corrected_ += static_cast<std::uint64_t>(weight);
-  }
-}
-
 void LatencyHistogram::record_missed(Nanoseconds value, Nanoseconds interval,
                                      std::uint64_t missed) noexcept {
   record(value);

@@ -26,14 +26,10 @@ class LatencyHistogram {
   /// A negative one (a clock was set back) counts as zero.
   void record(Nanoseconds value) noexcept { record(value, 1); }
 
-  /// Records `value`, and where it is longer than `interval`, in which the next one was due, also
-  /// those that it kept from being measured: value - interval, value - 2·interval, .. > 0
-  /// (correction for coordinated omission, HdrHistogram's recordValueWithExpectedInterval).
-  void record_corrected(Nanoseconds value, Nanoseconds interval) noexcept;
-
   /// Records `value`, and for `missed` others that were due before it, one every `interval`, and
   /// got no value of their own, how long they waited for this one: value + interval,
-  /// value + 2·interval, .., value + missed·interval. They count as filled in.
+  /// value + 2·interval, .., value + missed·interval. They count as filled in (correction for
+  /// coordinated omission; which stage needs it: docs/decisions/0012).
   void record_missed(Nanoseconds value, Nanoseconds interval, std::uint64_t missed) noexcept;
 
   void add(const LatencyHistogram& other) noexcept;
@@ -46,7 +42,7 @@ class LatencyHistogram {
   void reset() noexcept { *this = {}; }
 
   [[nodiscard]] std::uint64_t count() const noexcept { return count_; }
-  /// Of these, the values that record_corrected filled in.
+  /// Of these, the values that were filled in.
   [[nodiscard]] std::uint64_t corrected() const noexcept { return corrected_; }
   /// Exact; 0 if there is none.
   [[nodiscard]] Nanoseconds min() const noexcept { return Nanoseconds(count_ > 0 ? min_ns_ : 0); }

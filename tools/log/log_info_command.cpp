@@ -13,6 +13,7 @@
 #include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
+#include "tools/bench/latency_table.h"
 #include "tools/cli.h"
 #include "tools/log/log_command.h"
 #include "tools/log/log_info.h"
@@ -58,37 +59,14 @@ Json print_verdict(std::FILE* out, const LogInfo::VerdictChange& change) {
           {"sets", change.sets},   {"estimates", estimates}};
 }
 
-/// Upper edge of the bucket in which `percent` % of the values have come.
-std::int64_t percentile_ns(const latency_histogram_t& histogram, double percent) {
-  const double wanted = static_cast<double>(histogram.count) * percent / 100.0;
-  double seen = 0.0;
-  for (std::size_t i = 0; i < histogram.counts.size(); ++i) {
-    seen += static_cast<double>(histogram.counts[i]);
-    if (seen >= wanted) return std::min(histogram.upper_ns[i], histogram.max_ns);
-  }
-  return histogram.max_ns;
-}
-
 Json print_latencies(std::FILE* out, const stats_t& stats) {
-  Json stages = Json::array();
-  if (!stats.latency.empty()) {
-    fmt::print(out, "  {:<22} {:>9} {:>10} {:>10} {:>10} µs\n", "latency", "values", "p50", "p99",
-               "max");
+  std::vector<StageLatency> stages;
+  // lcm-gen's decoder leaves an array alone whose count is zero.
+  for (std::int32_t i = 0; i < stats.stage_count; ++i) {
+    stages.push_back(to_stage_latency(stats.latency[static_cast<std::size_t>(i)]));
   }
-  const auto in_us = [](std::int64_t ns) { return static_cast<double>(ns) * 1e-3; };
-  for (const latency_histogram_t& stage : stats.latency) {
-    const std::int64_t p50 = percentile_ns(stage, 50.0);
-    const std::int64_t p99 = percentile_ns(stage, 99.0);
-    fmt::print(out, "  {:<22} {:>9} {:>10.1f} {:>10.1f} {:>10.1f}\n", stage.stage, stage.count,
-               in_us(p50), in_us(p99), in_us(stage.max_ns));
-    stages.push_back({{"stage", stage.stage},
-                      {"count", stage.count},
-                      {"corrected", stage.corrected},
-                      {"p50_ns", p50},
-                      {"p99_ns", p99},
-                      {"max_ns", stage.max_ns}});
-  }
-  return stages;
+  fmt::print(out, "{}", latency_table(stages));
+  return latency_json(stages);
 }
 
 Json print_stats(std::FILE* out, const stats_t& stats) {

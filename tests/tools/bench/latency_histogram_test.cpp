@@ -65,23 +65,6 @@ TEST(LatencyHistogram, CountsInBucketsThatAddUp) {
   EXPECT_EQ(histogram.percentile(60.0), 3ns);
 }
 
-TEST(LatencyHistogram, FillsInWhatAStallKeptFromBeingMeasured) {
-  LatencyHistogram corrected;
-  corrected.record_corrected(10us, 1ms);
-  EXPECT_EQ(corrected.corrected(), 0U);
-  corrected.record_corrected(3500us, 1ms);  // and 2.5, 1.5, 0.5 ms
-  EXPECT_EQ(corrected.count(), 5U);
-  EXPECT_EQ(corrected.corrected(), 3U);
-
-  LatencyHistogram by_hand;
-  for (const nanoseconds value : {10us, 3500us, 2500us, 1500us, 500us}) by_hand.record(value);
-  ASSERT_EQ(corrected.buckets().size(), by_hand.buckets().size());
-  for (std::size_t i = 0; i < by_hand.buckets().size(); ++i) {
-    EXPECT_EQ(corrected.buckets()[i].upper, by_hand.buckets()[i].upper);
-    EXPECT_EQ(corrected.buckets()[i].count, by_hand.buckets()[i].count);
-  }
-}
-
 TEST(LatencyHistogram, FillsInThoseThatWaitedForTheNext) {
   LatencyHistogram histogram;
   histogram.record_missed(500us, 1ms, 0);
@@ -96,9 +79,6 @@ TEST(LatencyHistogram, FillsInThoseThatWaitedForTheNext) {
 
 TEST(LatencyHistogram, FillsInAVeryLongStallInAFewSteps) {
   // A year of 1 ms periods one by one would take minutes.
-  LatencyHistogram corrected;
-  corrected.record_corrected(std::chrono::hours(24 * 365), 1ms);
-  EXPECT_GE(corrected.corrected(), 31'000'000'000U);
   LatencyHistogram missed;
   missed.record_missed(1us, 1ms, 31'536'000'000U);
   EXPECT_EQ(missed.corrected(), 31'536'000'000U);
@@ -112,8 +92,9 @@ TEST(LatencyHistogram, AddsUpAndIsRestoredFromItsBuckets) {
   LatencyHistogram a, b, both;
   for (int i = 0; i < 1000; ++i) {
     const nanoseconds value(values(random));
-    (i % 3 == 0 ? a : b).record_corrected(value, 4ms);
-    both.record_corrected(value, 4ms);
+    const auto missed = static_cast<std::uint64_t>(i % 4);
+    (i % 3 == 0 ? a : b).record_missed(value, 4ms, missed);
+    both.record_missed(value, 4ms, missed);
   }
   a.add(b);
   const LatencyHistogram restored =
@@ -143,7 +124,6 @@ TEST(LatencyHistogram, DoesNotAllocate) {
   const AllocationGuard guard;
   for (int i = 0; i < 1000; ++i) {
     histogram.record(nanoseconds(i * 1000));
-    histogram.record_corrected(nanoseconds(i * 10'000), 1ms);
     histogram.record_missed(nanoseconds(i), 1ms, static_cast<std::uint64_t>(i));
   }
   const std::uint64_t calls = guard.heap_calls();
