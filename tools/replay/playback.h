@@ -32,7 +32,7 @@ struct PlaybackResult {
   LatencyHistogram lateness;
   std::uint64_t late = 0;  ///< sends more than kLate behind their deadline
   std::uint64_t sent = 0, refused = 0;
-  std::uint64_t passes = 0;     ///< that came to their end
+  std::uint64_t passes = 0;  ///< that came to their end
   double wall_s = 0.0;
   int signal = 0;                              ///< that stopped it; 0: none
   std::vector<std::string> realtime_problems;  ///< why its timing is not as good as it might be
