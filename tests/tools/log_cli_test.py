@@ -285,7 +285,7 @@ class Info(LogTest):
         self.assertEqual(struct.unpack_from(">i", stats.data, at), (0,))
         changed = stats._replace(data=stats.data[:at] + struct.pack(">i", 1) + histogram + stats.data[at + 4:])
         self.folder.write("changed.lcm", encode(self.events[:-1] + [changed]))
-        self.assertRegex(self.run_ok("log", "info", "changed.lcm").out, r"read +4 +1\.0 +9\.0 +9\.0\n")
+        self.assertRegex(self.run_ok("log", "info", "changed.lcm").out, r"read +4 +1\.0 +9\.0 +9\.0 +9\.0 +9\.0\n")
 
 
 class Split(LogTest):

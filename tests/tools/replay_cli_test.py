@@ -92,12 +92,14 @@ class Replay(FolderTest):
                 (["demo.lcm", "--bank", "none.json"], "none.json"),
                 (["demo.lcm", "--bank", "plant.toml"], "plant.toml:"),
                 (["demo.lcm", "--dbc", "bench.dbc"], "--bank"),
+                (["demo.lcm", "--log", "./demo.lcm"], "demo.lcm: found the log to replay, expected another file"),
                 (["demo.lcm", "--log", "bench.dbc"], "bench.dbc: found a file that is no LCM log"),
                 ([], "LOG")):
             answer = self.folder.run("replay", *arguments)
             self.assert_code(2, answer)
             self.assertIn(expected, answer.err + answer.out)
         self.assertTrue(self.folder.read("bench.dbc").startswith(b"VERSION"))
+        self.run_ok("replay", "demo.lcm", "--verify")
 
     def test_damaged_logs_are_read_to_their_end(self):
         log = self.folder.read("demo.lcm")

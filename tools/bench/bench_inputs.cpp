@@ -300,20 +300,24 @@ BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
 
 BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts, const std::string& log) {
   const auto source = [&log](const RunPart& part) { return log + ":" + part.name; };
-  const RunPart& text = require_part(parts, "scenario", log);
-  ScenarioTexts texts{require_part(parts, "plant", log), require_part(parts, "dbc", log), {}, {}};
-  texts.plant_source = source(texts.plant);
-  texts.dbc_source = source(texts.dbc);
   const RunPart& bank = require_part(parts, "bank", log);
-  Scenario scenario = parse_scenario(text.text, source(text));
-  scenario.plant = texts.plant_source;
-  scenario.dbc = texts.dbc_source;
-  scenario.bank = source(bank);
-  return fit_together(std::move(scenario), texts,
-                      [&](const Scenario&, const PlantModel&, std::vector<RunPart>& used) {
-                        used.push_back(bank);
-                        return parse_bank(bank.text, source(bank));
-                      });
+  const RunPart& dbc = require_part(parts, "dbc", log);
+  const auto load_bank = [&] { return parse_bank(bank.text, source(bank)); };
+  BenchInputs inputs;
+  if (const RunPart* text = find_part(parts, "scenario")) {
+    const RunPart& plant = require_part(parts, "plant", log);
+    Scenario scenario = parse_scenario(text->text, source(*text));
+    scenario.plant = source(plant);
+    scenario.dbc = source(dbc);
+    scenario.bank = source(bank);
+    inputs = fit_together(
+        std::move(scenario), {plant, dbc, source(plant), source(dbc)},
+        [&](const Scenario&, const PlantModel&, std::vector<RunPart>&) { return load_bank(); });
+  } else {
+    static_cast<DiagnosisInputs&>(inputs) = make_diagnosis_inputs(load_bank(), dbc, source(dbc));
+  }
+  inputs.parts = parts;  // all of them, under the names that the run gave them
+  return inputs;
 }
 
 }  // namespace faultline

@@ -42,7 +42,8 @@ class NotSolvable : public std::runtime_error {
 [[nodiscard]] BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file);
 
 /// The same from the parts that a log carries (scenario, plant, dbc, bank); `log` is its name, for
-/// messages.
+/// messages. Without a scenario (a diagnosis of nothing but a bank and a DBC) only what
+/// DiagnosisInputs has is filled.
 /// @throws InputError a part is missing (where: "LOG: RUN"); else as load_bench_inputs.
 [[nodiscard]] BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts,
                                                 const std::string& log);

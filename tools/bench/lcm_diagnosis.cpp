@@ -25,20 +25,6 @@ bool are_enough(const RunParts& parts) {
 }
 
 /// @pre are_enough
-DiagnosisInputs inputs_of(const std::vector<RunPart>& parts, const std::string& source) {
-  DiagnosisInputs inputs;
-  if (find_part(parts, "scenario") != nullptr) {
-    BenchInputs bench = bench_inputs_of_parts(parts, source);
-    inputs = std::move(static_cast<DiagnosisInputs&>(bench));
-  } else {
-    const RunPart& bank = *find_part(parts, "bank");
-    const RunPart& dbc = *find_part(parts, "dbc");
-    inputs = make_diagnosis_inputs(parse_bank(bank.text, source + ":" + bank.name), dbc,
-                                   source + ":" + dbc.name);
-  }
-  inputs.parts = parts;  // all that came, under the names under which it came
-  return inputs;
-}
 
 }  // namespace
 
@@ -84,7 +70,7 @@ void LcmDiagnosis::on_run(const run_t& chunk) {
     inputs_ = options_.given;
   }
   if (inputs_ || !are_enough(parts_)) return;
-  inputs_ = inputs_of(parts_.whole_parts(), options_.source);
+  inputs_ = bench_inputs_of_parts(parts_.whole_parts(), options_.source);
   // All parts of the run, once its frames begin.
   options_.tell(fmt::format("diagnosing {}", inputs_->name));
 }
@@ -126,7 +112,7 @@ void LcmDiagnosis::diagnose(const FrameBatch& batch) {
     if (!diagnosis_) {
       // The parts may have grown since they were enough: a list of buses comes last.
       if (!options_.given) {
-        inputs_ = inputs_of(parts_.whole_parts(), options_.source);
+        inputs_ = bench_inputs_of_parts(parts_.whole_parts(), options_.source);
       }
       diagnosis_ = std::make_unique<LiveDiagnosis>(*inputs_, options_.open_output(),
                                                    static_cast<std::uint64_t>(next.first_frame));

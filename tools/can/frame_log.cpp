@@ -189,7 +189,7 @@ FrameLogCount read_lcm(const std::string& file, const FrameLogReceiver& receiver
   while (const LogEvent* event = log.next()) {
     tell_damages();
     if (event->channel == kRunChannel && decode_message(event->data, layout::kRun, run) &&
-        run.part == kBusesPart) {
+        run.part == kBusesPart && run.byte_count > 0) {
       names = split_lines({reinterpret_cast<const char*>(run.data.data()), run.data.size()});
     }
     if (event->channel != kCanChannel) continue;

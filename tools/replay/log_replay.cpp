@@ -337,6 +337,17 @@ ReplayResult replay_text(const ReplayOptions& options) {
   return result;
 }
 
+void check_output(const ReplayOptions& options) {
+  if (!options.output) return;
+  for (const std::string& log : options.logs) {
+    std::error_code error;
+    if (std::filesystem::equivalent(log, *options.output, error)) {
+      throw std::invalid_argument(
+          fmt::format("{}: found the log to replay, expected another file to write to", log));
+    }
+  }
+}
+
 bool is_text(const std::string& file) {
   if (file == "-") return true;
   std::ifstream in(file, std::ios::binary);
@@ -358,6 +369,7 @@ bool Verification::is_verified() const noexcept {
 }
 
 ReplayResult replay(const ReplayOptions& options) {
+  check_output(options);
   const auto start = steady_clock::now();
   ReplayResult result = is_text(options.logs.front()) && options.logs.size() == 1
                             ? replay_text(options)

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "diagnosis/bank/bank_file.h"
 #include "diagnosis/model/input_error.h"
 #include "tools/bench/bench_inputs.h"
 
@@ -29,13 +28,10 @@ ReplayInputs of_diagnosis(DiagnosisInputs inputs) {
 /// The log's own bank, if it has what is needed.
 std::optional<ReplayInputs> recorded_inputs(const std::vector<RunPart>& parts,
                                             const std::string& log) {
-  const RunPart* const bank = find_part(parts, "bank");
-  const RunPart* const dbc = find_part(parts, "dbc");
-  if (bank == nullptr || dbc == nullptr) return std::nullopt;
-  if (find_part(parts, "scenario") != nullptr) return of_bench(bench_inputs_of_parts(parts, log));
-  DiagnosisInputs inputs = make_diagnosis_inputs(parse_bank(bank->text, log + ":" + bank->name),
-                                                 *dbc, log + ":" + dbc->name);
-  return of_diagnosis(std::move(inputs));
+  if (find_part(parts, "bank") == nullptr || find_part(parts, "dbc") == nullptr) {
+    return std::nullopt;
+  }
+  return of_bench(bench_inputs_of_parts(parts, log));
 }
 
 /// The mappings of a scenario that a bank has channels for.
@@ -50,6 +46,17 @@ ChannelMappings mappings_for(const Bank& bank, const ChannelMappings& mappings) 
     }
   }
   return kept;
+}
+
+/// What is written must be a log that can be read again: with the scenario's plant.
+void check_is_of_scenario(const Bank& bank, const ReplayInputs& own, const std::string& source,
+                          const std::string& log) {
+  if (bank.plant_digest == own.bank.plant_digest) return;
+  throw InputError(
+      source, {},
+      fmt::format("plant: found digest {} (\"{}\"), expected {}, that of {}, for a log "
+                  "to be written",
+                  bank.plant_digest, bank.plant_name, own.bank.plant_digest, log));
 }
 
 ReplayInputs other_inputs(const ReplayOptions& options, const std::vector<RunPart>& parts,
@@ -79,10 +86,16 @@ ReplayInputs other_inputs(const ReplayOptions& options, const std::vector<RunPar
       own ? mappings_for(bank, own->scenario.signals) : ChannelMappings();
   ReplayInputs inputs =
       of_diagnosis(make_diagnosis_inputs(std::move(bank), *dbc, dbc_source, mappings));
-  if (own) {
-    inputs.scenario = own->scenario;
-    inputs.schedule = own->schedule;
-    inputs.is_initial_state_known = own->is_initial_state_known;
+  if (!own) return inputs;
+  inputs.scenario = own->scenario;
+  inputs.schedule = own->schedule;
+  inputs.is_initial_state_known = own->is_initial_state_known;
+  if (!own->scenario.name.empty()) {
+    if (options.output) check_is_of_scenario(inputs.bank, *own, source, log);
+    inputs.name = own->name;
+    for (const RunPart& part : own->parts) {
+      if (part.part == "scenario" || part.part == "plant") inputs.parts.push_back(part);
+    }
   }
   return inputs;
 }

@@ -281,11 +281,13 @@ TEST_F(LogReplay, SaysWhatAnotherBankWouldHaveSaid) {
   EXPECT_EQ(run.answers[1].bank, "blind");
   EXPECT_THAT(verdicts_of(run.answers[1]), ElementsAre("inhibited", "healthy"));
   EXPECT_FALSE(run.answers[1].are_expectations_met());
-  // And what it said, its own log shows again.
+  // And what it said, its own log shows again, and what it was made from.
   const RunReplay again = replay_one(file("blind.lcm"));
   ASSERT_TRUE(again.verification);
   EXPECT_TRUE(again.verification->is_verified());
   EXPECT_TRUE(again.has_ended);
+  EXPECT_EQ(again.name, "demo");
+  EXPECT_FALSE(again.answers[0].are_expectations_met());
   EXPECT_THAT(verdicts_of(again.answers[0]), ElementsAre("inhibited", "healthy"));
 }
 
@@ -328,6 +330,15 @@ TEST_F(LogReplay, RefusesABankThatDoesNotFit) {
   options.logs = {log()};
   options.bank = file("renamed.bank.json");
   EXPECT_THAT(error_of(options), HasSubstr("y9"));
+
+  Bank foreign = bank;
+  foreign.plant_digest = "another";
+  write_bank(foreign, file("foreign.bank.json"));
+  options.bank = file("foreign.bank.json");
+  EXPECT_EQ(error_of(options), "no error");  // it has the channels
+  options.output = file("foreign.lcm");
+  EXPECT_THAT(error_of(options), HasSubstr("plant: found digest another"));
+  options.output.reset();
 
   Bank slower = bank;
   slower.sample_time_s = 0.02;
