@@ -17,8 +17,8 @@ namespace {
 class HourLog {
  public:
   HourLog() : file_(std::filesystem::temp_directory_path() / "faultline-replay-benchmark.lcm") {
-    BenchInputs inputs = load_bench_inputs(std::filesystem::path(FAULTLINE_EXAMPLES_DIR) /
-                                           "hou2015" / "fig13.toml");
+    BenchInputs inputs =
+        load_bench_inputs(std::filesystem::path(FAULTLINE_EXAMPLES_DIR) / "hou2015" / "fig13.toml");
     inputs.scenario.duration_s = 3600.0;
     inputs.scenario.expectations.clear();
     for (RunPart& part : inputs.parts) {

@@ -11,8 +11,8 @@
 #include "diagnosis/design/design_bank.h"
 #include "tests/tools/bench/log_comparison.h"
 #include "tools/bench/bench.h"
-#include "tools/lcm/channels.h"
 #include "tools/bench/run_summary.h"
+#include "tools/lcm/channels.h"
 #include "tools/log/log_info.h"
 
 namespace faultline {
