@@ -3,6 +3,7 @@
 
 In a network namespace of its own.
 """
+import contextlib
 import json
 import os
 import signal
@@ -109,7 +110,10 @@ class Playback(FolderTest):
             inodes = {line.split()[9] for line in file.readlines()[1:]
                       if int(line.split()[1].partition(":")[2], 16) == port}
         folder = f"/proc/{pid}/fd"
-        links = [os.readlink(f"{folder}/{fd}") for fd in os.listdir(folder)]
+        links = set()
+        for fd in os.listdir(folder):
+            with contextlib.suppress(FileNotFoundError):  # closed meanwhile
+                links.add(os.readlink(f"{folder}/{fd}"))
         return any(f"socket:[{inode}]" in links for inode in inodes)
 
     def told(self):
