@@ -38,6 +38,8 @@ struct ActiveFaults {
 /// The timeline of faults of a run, resolved against a plant. Immutable.
 class FaultSchedule {
  public:
+  /// No faults, of no plant.
+  FaultSchedule() = default;
   /// @throws ScheduleError unknown target (with the nearest name), kind that the target cannot
   /// have.
   FaultSchedule(const PlantModel& plant, std::vector<Injection> injections);

@@ -1,6 +1,8 @@
 #include "tools/cli.h"
 
 #include <cerrno>
+#include <cmath>
+#include <cstdlib>
 #include <cstring>
 
 #include <fmt/format.h>
@@ -13,6 +15,12 @@ using Json = nlohmann::ordered_json;
 void add_json_option(CLI::App& command, std::string& target) {
   command.add_option("--json", target, "Also give the result as data: to file F, or - for stdout")
       ->type_name("F|-");
+}
+
+std::string check_finite(const std::string& text) {
+  char* end = nullptr;
+  const bool is_finite = std::isfinite(std::strtod(text.c_str(), &end));
+  return is_finite ? "" : fmt::format("found {}, expected a finite number", text);
 }
 
 void write_to(const std::string& target, const std::function<void(std::FILE*)>& write) {

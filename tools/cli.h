@@ -42,9 +42,17 @@ void write_to(const std::string& target, const std::function<void(std::FILE*)>& 
 /// Where text for people goes: stderr when the data goes to stdout.
 [[nodiscard]] std::FILE* human_output(const std::string& json_target);
 
+/// For `check` of an option: "" if `text` is a finite number, else what is wrong. CLI11's own
+/// checks of numbers let "nan" through.
+[[nodiscard]] std::string check_finite(const std::string& text);
+
 /// Each command adds itself to the program; `exit_code` is what it answered.
 void add_check_command(CLI::App& program, int& exit_code);
+void add_diagnose_command(CLI::App& program, int& exit_code);
 void add_design_command(CLI::App& program, int& exit_code);
+void add_doctor_command(CLI::App& program, int& exit_code);
+void add_play_command(CLI::App& program, int& exit_code);
+void add_replay_command(CLI::App& program, int& exit_code);
 void add_run_command(CLI::App& program, int& exit_code);
 void add_info_command(CLI::App& program, int& exit_code);
 

@@ -17,7 +17,7 @@
 #include "tools/bench/scenario.h"
 #include "tools/can/dbc_print.h"
 #include "tools/cli.h"
-#include "tools/replay/log_info.h"
+#include "tools/log/log_command.h"
 
 namespace faultline {
 namespace {
@@ -100,67 +100,6 @@ Json info_of_toml(const std::filesystem::path& file, std::FILE* out) {
                    "bank request or a scenario");
 }
 
-Json info_of_log(const std::filesystem::path& file, std::FILE* out) {
-  const LogInfo info = read_log_info(file);
-  fmt::print(out, "{}: {} messages in {:.3f} s\n", file.string(), info.messages, info.duration_s);
-  Json json{{"kind", "log"},
-            {"messages", info.messages},
-            {"duration_s", info.duration_s},
-            {"undecodable", info.undecodable},
-            {"channels", Json::object()},
-            {"parts", Json::array()},
-            {"verdicts", Json::array()}};
-  for (const auto& [name, channel] : info.channels) {
-    fmt::print(out, "  {:<22} {:>9} messages {:>12} bytes{}\n", name, channel.messages,
-               channel.bytes,
-               channel.missing > 0 ? fmt::format("  {} MISSING", channel.missing) : "");
-    json["channels"][name] = {
-        {"messages", channel.messages}, {"bytes", channel.bytes}, {"missing", channel.missing}};
-  }
-  for (const LogInfo::Part& part : info.parts) {
-    fmt::print(out, "  {:<12} {} ({}){}\n", part.part, part.name, part.digest,
-               part.is_complete ? "" : " INCOMPLETE");
-    json["parts"].push_back({{"part", part.part},
-                             {"name", part.name},
-                             {"digest", part.digest},
-                             {"complete", part.is_complete}});
-  }
-  for (const LogInfo::VerdictChange& change : info.verdicts) {
-    std::vector<std::string> sets;
-    for (const auto& set : change.sets) sets.push_back(fmt::format("{}", fmt::join(set, ", ")));
-    Json estimates = Json::array();
-    std::vector<std::string> details;
-    if (change.cause != "none" && change.cause != "complete") details.push_back(change.cause);
-    if (!change.blame.empty()) details.push_back(change.blame);
-    for (const LogInfo::Estimate& estimate : change.estimates) {
-      const bool has_deviation = estimate.deviation >= 0.0;
-      details.push_back(fmt::format(
-          "{} = {:.6g}{}", estimate.fault, estimate.value,
-          has_deviation ? fmt::format(" +- {:.2g}", estimate.deviation) : std::string()));
-      estimates.push_back(
-          {{"fault", estimate.fault},
-           {"value", estimate.value},
-           {"deviation", has_deviation ? Json(estimate.deviation) : Json(nullptr)}});
-    }
-    if (change.onset_cycle >= 0)
-      details.push_back(fmt::format("onset cycle {}", change.onset_cycle));
-    fmt::print(out, "  {:>10.3f} s  {} {}{}\n", change.t_s, change.verdict, fmt::join(sets, " | "),
-               details.empty() ? "" : fmt::format("  ({})", fmt::join(details, ", ")));
-    json["verdicts"].push_back({{"cycle", change.cycle},
-                                {"t_s", change.t_s},
-                                {"verdict", change.verdict},
-                                {"cause", change.cause},
-                                {"blame", change.blame},
-                                {"onset_cycle", change.onset_cycle},
-                                {"sets", change.sets},
-                                {"estimates", estimates}});
-  }
-  if (info.undecodable > 0) {
-    fmt::print(out, "  {} messages on our channels are not of our types\n", info.undecodable);
-  }
-  return json;
-}
-
 int info(const std::string& name, const std::string& json_target) {
   const std::filesystem::path file(name);
   std::FILE* out = human_output(json_target);
@@ -179,7 +118,7 @@ int info(const std::string& name, const std::string& json_target) {
   } else if (extension == ".toml") {
     json = info_of_toml(file, out);
   } else {
-    json = info_of_log(file, out);
+    json = print_log_info(out, {name});
   }
   if (!json_target.empty()) write_json(json, json_target);
   return kExitYes;

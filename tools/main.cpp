@@ -19,10 +19,11 @@
 #include "drivers/signal/message_protection.h"
 #include "drivers/signal/signal_map.h"
 #include "tools/bench/bench_inputs.h"
-#include "tools/bench/message_sink.h"
 #include "tools/can/can_command.h"
 #include "tools/can/frame_log.h"
 #include "tools/cli.h"
+#include "tools/lcm/message_sink.h"
+#include "tools/log/log_command.h"
 #include "tools/version.h"
 
 namespace faultline {
@@ -87,11 +88,16 @@ int run_program(int argc, char** argv) {
   program.footer(kExitCodesHelp);
   int exit_code = kExitYes;
   add_run_command(program, exit_code);
+  add_diagnose_command(program, exit_code);
+  add_play_command(program, exit_code);
+  add_replay_command(program, exit_code);
   add_design_command(program, exit_code);
   add_check_command(program, exit_code);
   add_info_command(program, exit_code);
+  add_log_command(program, exit_code);
   add_can_command(program, exit_code);
   add_decode_command(program, exit_code);
+  add_doctor_command(program, exit_code);
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -109,7 +115,9 @@ int run_program(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   faultline::open_standard_streams();
-  std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a failed write, not a death
+  // A closed pipe, or a file that may grow no more, is a failed write and not a death.
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
   try {
     return faultline::run_program(argc, argv);
   } catch (...) {

@@ -1,9 +1,15 @@
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
+#include <map>
 #include <memory>
+#include <optional>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,6 +23,7 @@
 #include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
+#include "tools/allocation_count.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/endpoints.h"
 #include "tools/bench/run_summary.h"
@@ -26,9 +33,19 @@
 namespace faultline {
 namespace {
 
+const std::map<std::string, OverrunPolicy> kOverrunPolicies{{"catch-up", OverrunPolicy::kCatchUp},
+                                                            {"skip", OverrunPolicy::kSkip},
+                                                            {"stop", OverrunPolicy::kStop}};
+
 struct RunArguments {
   std::string scenario, bus, log, json, lcm_url;
+  double log_split_MB = 0.0, log_split_s = 0.0;
+  std::size_t log_keep = 0;
   bool is_realtime = false;
+  std::string overrun = "catch-up";
+  int priority = 80;
+  std::optional<int> cpu;
+  bool has_probe = false;
   bool has_no_log = false;
   bool is_quiet = false;
 };
@@ -89,9 +106,21 @@ std::filesystem::path default_log(const std::string& scenario_name) {
 int answer(const BenchResult& result) {
   if (result.is_interrupted) return kExitSignal + result.signal;
   if (result.stop_reason) {
-    return result.stop_reason->kind == StopReason::Kind::kBus ? kExitFailure : kExitNo;
+    return result.stop_reason->kind == StopReason::Kind::kPlant ? kExitNo : kExitFailure;
   }
   return result.history.are_expectations_met() ? kExitYes : kExitNo;
+}
+
+LogSplit log_split(const RunArguments& arguments) {
+  LogSplit split;
+  split.bytes = static_cast<std::uint64_t>(arguments.log_split_MB * 1e6);
+  split.time_us = std::llround(arguments.log_split_s * 1e6);
+  split.keep = arguments.log_keep;
+  if (split.keep > 0 && !split.is_wanted()) {
+    throw std::invalid_argument(
+        "--log-keep: found neither --log-split-size nor --log-split-time, expected one");
+  }
+  return split;
 }
 
 int run(const RunArguments& arguments) {
@@ -99,6 +128,11 @@ int run(const RunArguments& arguments) {
   BenchOptions options;
   options.bus = arguments.bus.empty() ? inputs.scenario.bus : arguments.bus;
   options.is_realtime = arguments.is_realtime;
+  options.overrun = kOverrunPolicies.at(arguments.overrun);
+  options.priority = arguments.priority;
+  options.cpu = arguments.cpu;
+  options.has_probe = arguments.has_probe;
+  options.thread_allocations = &thread_allocations;
   const std::vector<std::string> buses = short_bus_names(options.bus);
   if (buses.size() > 1) {
     inputs.parts.push_back({"buses", "buses", fmt::format("{}\n", fmt::join(buses, "\n"))});
@@ -109,12 +143,17 @@ int run(const RunArguments& arguments) {
   } else if (!arguments.has_no_log) {
     options.log = default_log(inputs.scenario.name);
   }
+  options.log_split = log_split(arguments);
   Progress progress;
   if (!arguments.is_quiet) {
     options.on_progress = [&progress](double t_s, double duration_s, const std::string& verdict) {
       progress.show(t_s, duration_s, verdict);
     };
   }
+  options.on_warning = [&progress](const std::string& text) {
+    progress.clear();
+    fmt::print(stderr, "faultline: warning: {}\n", text);
+  };
   const BenchResult result = run_bench(inputs, options);
   if (!arguments.is_quiet) progress.clear();
   print_summary(human_output(arguments.json), inputs, options, result);
@@ -133,12 +172,47 @@ void add_run_command(CLI::App& program, int& exit_code) {
       ->check(CLI::ExistingFile);
   command->add_option("--bus", arguments->bus,
                       fmt::format("{}; default: the scenario's, else loop", kBusNamesHelp));
-  command->add_flag("--realtime", arguments->is_realtime,
-                    "Cycles at absolute deadlines; default: lock-step, as fast as the machine can");
+  auto* realtime = command->add_flag(
+      "--realtime", arguments->is_realtime,
+      "Cycles at absolute deadlines; default: lock-step, as fast as the machine can");
+  command
+      ->add_option("--overrun", arguments->overrun,
+                   "A cycle a whole period late: catch-up (it and the next follow at once), skip "
+                   "(simulated but not sent), stop (the run ends, exit code 3)")
+      ->check(CLI::IsMember({"catch-up", "skip", "stop"}))
+      ->capture_default_str()
+      ->needs(realtime);
+  command
+      ->add_option("--priority", arguments->priority,
+                   "SCHED_FIFO priority of the diagnosis thread; 0: ordinary scheduling")
+      ->check(CLI::Range(0, 99))
+      ->capture_default_str()
+      ->needs(realtime);
+  command->add_option("--cpu", arguments->cpu, "CPU of the diagnosis thread; default: any")
+      ->check(CLI::Range(0, 1023))
+      ->needs(realtime);
+  command
+      ->add_flag("--probe", arguments->has_probe,
+                 "Also time a thread that only reads the bus, to compare the diagnosis with")
+      ->needs(realtime);
   auto* log = command->add_option(
       "--log", arguments->log,
       "LCM log to write; default: a new file in ./faultline-logs. An existing log is replaced");
-  command->add_flag("--no-log", arguments->has_no_log, "Write no log")->excludes(log);
+  auto* split_size = command->add_option(
+      "--log-split-size", arguments->log_split_MB,
+      "Go on in a new file before one gets longer than so many MB: NAME-0001.lcm, NAME-0002.lcm, "
+      "..; each can be read alone, `faultline log` takes them all");
+  auto* split_time =
+      command->add_option("--log-split-time", arguments->log_split_s,
+                          "Go on in a new file once one spans so many seconds of bench time");
+  auto* keep = command->add_option("--log-keep", arguments->log_keep,
+                                   "Keep the newest N of these files, delete older ones; default: "
+                                   "keep all");
+  keep->type_name("N")->check(CLI::PositiveNumber);
+  split_size->type_name("MB")->check(CLI::Range(1e-3, 1e9));
+  split_time->type_name("S")->check(CLI::Range(1e-3, 1e9));
+  auto* no_log = command->add_flag("--no-log", arguments->has_no_log, "Write no log");
+  for (CLI::Option* option : {log, split_size, split_time, keep}) no_log->excludes(option);
   command->add_option("--lcm", arguments->lcm_url,
                       "Also publish live, e.g. udpm://239.255.76.67:7667?ttl=0");
   command->add_flag("-q,--quiet", arguments->is_quiet, "No progress on stderr");

@@ -14,7 +14,7 @@ packages=(
   # tests and benchmarks
   libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev
   # interoperability tests and fuzzers
-  python3-can python3-msgpack clang libclang-rt-14-dev
+  python3-can python3-msgpack rt-tests clang libclang-rt-14-dev
   # a CAN bus anywhere
   can-utils iproute2 kmod procps python3 user-mode-linux util-linux
 )

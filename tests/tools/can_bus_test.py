@@ -139,6 +139,13 @@ class CanBus(FolderTest):
         self.assertIn("error-passive", answer.out.splitlines()[1])
         self.assertIn("error frames 2, bus-off 1", answer.err)
 
+    def test_the_doctor_finds_the_buses(self):
+        answer = self.folder.run("doctor", "--json", "-")
+        found = {entry["check"]: entry for entry in json.loads(answer.out)["checks"]}
+        self.assertEqual(found["CAN in the kernel"]["status"], "ok", answer.out)
+        self.assertEqual(found["CAN interfaces"]["status"], "ok", answer.out)
+        self.assertIn("vcan0, vcan1", found["CAN interfaces"]["found"])
+
     def test_a_bus_that_is_not_there_is_named(self):
         answer = self.folder.run("can", "dump", "can:vcan7")
         self.assert_code(3, answer)

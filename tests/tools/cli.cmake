@@ -1,10 +1,10 @@
 # The program as a user meets it.
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 
-foreach(test IN ITEMS can_cli design_cli faultline_cli integrity_cli lcm_logger)
+foreach(test IN ITEMS can_cli design_cli doctor_cli faultline_cli integrity_cli lcm_logger log_cli playback replay_cli)
   add_test(NAME ${test} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/${test}_test.py)
   set_tests_properties(${test} PROPERTIES
-    TIMEOUT 120
+    TIMEOUT 240 # the playbacks take 75 s on a quiet machine: most of it is waiting
     ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>")
 endforeach()
 
@@ -14,6 +14,14 @@ if(NOT FAULTLINE_SANITIZER)
     COMMAND ${PROJECT_SOURCE_DIR}/tools/with-vcan -t 120 -i vcan0 -i vcan1 --
             ${Python3_EXECUTABLE} ${CMAKE_CURRENT_SOURCE_DIR}/can_bus_test.py)
   set_tests_properties(can_bus PROPERTIES
+    LABELS vcan
+    TIMEOUT 150
+    ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>;WITH_VCAN_INIT=$<TARGET_FILE:vcan_init>")
+
+  add_test(NAME playback_vcan
+    COMMAND ${PROJECT_SOURCE_DIR}/tools/with-vcan -t 120 -i vcan0 --
+            ${Python3_EXECUTABLE} ${CMAKE_CURRENT_SOURCE_DIR}/playback_vcan_test.py)
+  set_tests_properties(playback_vcan PROPERTIES
     LABELS vcan
     TIMEOUT 150
     ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>;WITH_VCAN_INIT=$<TARGET_FILE:vcan_init>")

@@ -33,7 +33,9 @@ class Help(FolderTest):
             self.assertIn(word, out)
 
     def test_help_of_every_command_names_its_options(self):
-        options = {"run": ["SCENARIO", "--bus", "--realtime", "--log", "--no-log", "--lcm", "--json", "--quiet"],
+        options = {"run": ["SCENARIO", "--bus", "--realtime", "--overrun", "--priority", "--cpu", "--probe", "--log", "--no-log",
+                           "--lcm", "--json", "--quiet"],
+                   "doctor": ["--json"],
                    "design": ["BANK", "--output", "--json"],
                    "check": ["BANK", "--plant", "--json"],
                    "info": ["FILE", "--json"]}
@@ -49,7 +51,11 @@ class Help(FolderTest):
         for arguments in ([], ["nonsense"], ["--nonsense"], ["run"], ["design"], ["check"], ["info"], ["run", "--nonsense", "x"],
                           ["run", "demo.toml", "more.toml"], ["run", "demo.toml", "--log"],
                           ["run", "demo.toml", "--log", "a.lcm", "--no-log"],
-                          ["run", "demo.toml", "--bus", "vcan0"], ["run", "demo.toml", "--bus", "can:"]):
+                          ["run", "demo.toml", "--bus", "vcan0"], ["run", "demo.toml", "--bus", "can:"],
+                          ["run", "demo.toml", "--realtime", "--overrun", "never"],
+                          ["run", "demo.toml", "--realtime", "--priority", "100"],
+                          ["run", "demo.toml", "--realtime", "--cpu", "-1"],
+                          ["run", "demo.toml", "--overrun", "skip"], ["run", "demo.toml", "--probe"]):
             with self.subTest(arguments=arguments):
                 answer = self.folder.run(*arguments)
                 self.assert_code(2, answer)
@@ -267,9 +273,23 @@ class Run(FolderTest):
         self.assertGreater(time.monotonic() - begin, 1.9)
         self.assertEqual(run["samples"], 201)
         self.assertIs(run["expect"]["met"], True)
+        self.assertEqual(run["diagnosis_thread"]["allocations"], 0)
+        self.assertIsInstance(run["diagnosis_thread"]["page_faults"], int)
+        latency = {stage["stage"]: stage for stage in run["latency"]}
+        self.assertEqual(latency["due->sent"]["values"], 201)
+        for stage in latency.values():
+            self.assertLessEqual(stage["p50_us"], stage["p99_us"])
+            self.assertLessEqual(stage["p99_us"], stage["max_us"])
         events, rest = read_log(self.folder.file("own.lcm"))
         self.assertEqual((events[-1].channel, rest), ("FAULTLINE_STATS", 0))
-        samples = decode_all(events)["FAULTLINE_SAMPLE"]
+        messages = decode_all(events)
+        stats = messages["FAULTLINE_STATS"][-1]
+        self.assertEqual(stats["allocations"], 0)
+        self.assertEqual({stage["stage"]: stage["count"] for stage in stats["latency"]},
+                         {name: stage["values"] for name, stage in latency.items()})
+        for stage in stats["latency"]:
+            self.assertEqual(sum(stage["counts"]), stage["count"])
+        samples = messages["FAULTLINE_SAMPLE"]
         self.assertEqual([sample["cycle"] for sample in samples], list(range(201)))
         # 10 ms apart on the wall clock, up to the scheduler.
         self.assertAlmostEqual((samples[-1]["utime"] - samples[0]["utime"]) * 1e-6, 2.0, delta=0.2)
@@ -774,9 +794,10 @@ class Failures(FolderTest):
 
     def test_a_bad_lcm_url_leaves_the_old_log_alone(self):
         self.folder.write("own.lcm", BadInput.OLD_LOG)
-        err = self.fail("--lcm", "nonsense://x", "--log", "own.lcm")
-        self.assertIn("nonsense://x", err)
-        self.assertIn("udpm://", err)
+        answer = self.folder.run("run", "demo.toml", "--lcm", "nonsense://x", "--log", "own.lcm")
+        self.assert_code(2, answer)
+        self.assertIn("nonsense://x", answer.err)
+        self.assertIn("udpm://", answer.err)
         self.assertEqual(self.folder.read("own.lcm"), BadInput.OLD_LOG)
 
     def test_unwritable_data(self):

@@ -4,35 +4,16 @@
 The whole takes place in a network namespace of its own, where nobody else's LCM traffic is.
 """
 import collections
+import json
 import os
 import signal
-import socket
-import struct
 import subprocess
-import sys
 import unittest
 
 from faultline_program import FolderTest, decode_all, finish, read_log, reassemble_parts, wait_for
+from multicast_namespace import URL, enter_namespace, send_probe
 
-URL = "udpm://239.255.76.67:7667?ttl=0"
-IN_NAMESPACE = "FAULTLINE_TEST_IN_NAMESPACE"
 PARTS = {"scenario": "short.toml", "plant": "plant.toml", "bank_request": "bank.toml", "dbc": "bench.dbc"}
-
-
-def enter_namespace():
-    """Replaces this process by itself in a new network namespace with multicast on lo."""
-    own = ["--net"] if os.geteuid() == 0 else ["--net", "--map-root-user"]
-    set_up = 'ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec "$@"'
-    os.environ["PATH"] += ":/usr/sbin:/sbin"
-    os.execvpe("unshare", ["unshare", *own, "sh", "-c", set_up, "sh", sys.executable, os.path.abspath(__file__),
-                           *sys.argv[1:]], {**os.environ, IN_NAMESPACE: "1"})
-
-
-def send_probe():
-    """Publishes an LCM message (short form: magic, sequence number, channel, payload) on PROBE."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
-        sender.sendto(struct.pack(">II", 0x4C433032, 0) + b"PROBE\0", ("239.255.76.67", 7667))
 
 
 class LcmLogger(FolderTest):
@@ -109,8 +90,39 @@ class LcmLogger(FolderTest):
         self.assertNotIn("INCOMPLETE", answer.out)
         self.assertNotIn("MISSING", answer.out)
 
+    def test_both_logs_are_complete_and_the_same(self):
+        self.record()
+        contents = []
+        for log in ("own.lcm", "recorded.lcm"):
+            result = json.loads(self.run_ok("log", "check", log, "--json", "-").out)
+            self.assertTrue(result["complete"], log)
+            (run,) = result["runs"]
+            for channel in run["channels"].values():  # RUN may come again on live LCM
+                self.assertEqual((channel["missing"], channel["differing_repeats"]), (0, 0))
+                channel.pop("repeats")
+            contents.append(run)
+        self.assertEqual(*contents)
+
+    def test_a_logger_that_comes_late_has_all_from_there(self):
+        self.folder.patch("short.toml", ("duration_s = 2.0", "duration_s = 6.5"))
+        run = self.folder.start("run", "short.toml", "--realtime", "--lcm", URL, "--log", "own.lcm", "--quiet")
+        self.addCleanup(lambda: run.poll() is None and (run.kill(), run.communicate()))
+        wait_for(lambda: self.folder.logs() and os.path.getsize(self.folder.logs()[0]) > 20000)
+        logger = self.start_logger()
+        self.assertEqual(finish(run).code, 0)
+        own = read_log(self.folder.file("own.lcm"))[0]
+        wait_for(lambda: read_log(self.folder.file("recorded.lcm"))[0][-1].data == own[-1].data)
+        logger.send_signal(signal.SIGINT)
+        self.assertEqual(finish(logger).code, 0)
+        # What the run was made from came again while the logger listened.
+        answer = self.folder.run("log", "check", "recorded.lcm", "--json", "-")
+        self.assert_code(1, answer)
+        (found,) = json.loads(answer.out)["runs"]
+        self.assertEqual((found["begins_late"], found["ended"], found["no_gaps"]), (True, True, True), answer.err)
+        self.assertTrue(all(part["whole"] for part in found["parts"]))
+        self.assertRegex(answer.err, r"the log begins at cycle \d+; complete from there")
+
 
 if __name__ == "__main__":
-    if IN_NAMESPACE not in os.environ:
-        enter_namespace()
+    enter_namespace(__file__)
     unittest.main()

@@ -30,7 +30,11 @@ RunPublisher make_publisher(const BenchInputs& inputs, const BenchOptions& optio
                             const DiagnosisNode& diagnosis) {
   auto live = options.lcm_url ? open_live(*options.lcm_url) : nullptr;
   // The log comes last: nothing else may fail once an old log has been replaced.
-  auto log = options.log ? open_log(*options.log) : nullptr;
+  std::unique_ptr<MessageSink> log;
+  if (options.log) {
+    log = options.log_split.is_wanted() ? open_rotating_log(*options.log, options.log_split)
+                                        : open_log(*options.log);
+  }
   return {inputs, diagnosis.decision_table().sets(), std::move(log), std::move(live)};
 }
 
@@ -39,10 +43,10 @@ RunPublisher make_publisher(const BenchInputs& inputs, const BenchOptions& optio
 BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
     : inputs(inputs_),
       options(options_),
-      buses(open_endpoints(options.bus, inputs.map)),
+      buses(open_endpoints(options.bus, inputs.map, options.has_probe)),
       plant(inputs.plant, inputs.map, inputs.schedule, inputs.bank.sample_time_s, inputs.x_initial),
       controller(inputs.map, inputs.control_law),
-      diagnosis(inputs.map, inputs.bank, inputs.scenario.is_initial_state_known),
+      diagnosis(inputs.map, inputs.bank, inputs.is_initial_state_known),
       publisher(make_publisher(inputs, options, diagnosis)),
       history(inputs.bank, diagnosis.decision_table().sets(), inputs.scenario, inputs.schedule),
       watched_(buses_to_watch(*buses.diagnosis)),
@@ -88,8 +92,8 @@ std::vector<BenchRun::WatchedBus> BenchRun::buses_to_watch(const CanBus& bus) {
   return watched;
 }
 
-void BenchRun::on_frame(const CanFrame& frame, std::int64_t utime) {
-  publisher.add_frame(frame, utime);
+void BenchRun::on_frame(const CanFrame& frame, std::uint64_t number, std::int64_t utime) {
+  publisher.add_frame(frame, number, utime);
   if (!frame.is_error || frame.bus >= watched_.size()) return;
   const ErrorReport report = read_error_frame(frame);
   WatchedBus& watched = watched_[frame.bus];
@@ -134,7 +138,7 @@ bool BenchRun::attend(double t_s, std::int64_t utime) {
     if (signal_ == 0) signal_ = stop_signal.poll();
   }
   if (now >= next_repeat_) {
-    publisher.repeat_parts(utime);
+    publisher.repeat_parts();
     next_repeat_ = now + kRepeatPeriod;
   }
   if (options.on_progress && now >= next_progress_) {
@@ -147,18 +151,13 @@ bool BenchRun::attend(double t_s, std::int64_t utime) {
 }
 
 void BenchRun::on_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime) {
-  publisher.publish_truth(truth, x, utime);
+  publisher.publish_truth(truth, inputs.schedule.injections(), x, utime);
   ++seen_.cycles;
   if (truth.is_late) ++seen_.late_cycles;
-  if (utime >= next_stats_utime_) {
-    publisher.publish_stats(counters_now(), truth.cycle, utime);
+  if (is_stats_due(utime)) {
+    publisher.publish_stats(counters_now(), latencies, truth.cycle, utime, false);
     next_stats_utime_ = utime + kStatsPeriod_us;
   }
-}
-
-void BenchRun::add_losses(std::uint64_t overruns, std::uint64_t records_dropped) noexcept {
-  seen_.overruns += overruns;
-  seen_.records_dropped += records_dropped;
 }
 
 RunCounters BenchRun::counters_now() const {
@@ -170,6 +169,12 @@ RunCounters BenchRun::counters_now() const {
   counters.send_errors = from_plant.send_errors + from_controller.send_errors;
   counters.frames_received = at_diagnosis.received;
   counters.frames_dropped = at_diagnosis.dropped;
+  counters.frames_unlogged = pace_.frames_unlogged;
+  counters.overruns = pace_.overruns;
+  counters.skipped_cycles = pace_.skipped_cycles;
+  counters.records_dropped = pace_.records_dropped;
+  counters.allocations = pace_.allocations;
+  counters.page_faults = pace_.page_faults;
   return counters;
 }
 
@@ -185,12 +190,13 @@ BenchResult BenchRun::finish(std::int64_t utime) {
   }
   RunCounters final_counters = counters_now();
   final_counters.clamped_values = plant.clamped_values() + controller.clamped_values();
-  publisher.publish_stats(final_counters, plant.truth().cycle, utime);
+  publisher.publish_stats(final_counters, latencies, plant.truth().cycle, utime, true);
   publisher.close();
   const std::chrono::duration<double> wall = steady_clock::now() - start_;
   return {.history = std::move(history),
           .counters = final_counters,
           .messages = diagnosis.message_counters(),
+          .latencies = std::move(latencies),
           .is_interrupted = signal_ != 0,
           .signal = signal_,
           .stop_reason = stop_reason_,

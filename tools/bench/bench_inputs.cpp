@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <system_error>
 
@@ -19,14 +20,6 @@ namespace {
 
 /// Cycles are counted in 32 bits on the bus, and the largest number says "no command yet".
 constexpr double kMaxCycles = kNoCommand;
-
-std::string read_text(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) {
-    throw std::system_error(errno, std::generic_category(), "cannot read " + file.string());
-  }
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
 
 InputError error_in(const Scenario& scenario, SourcePosition position, const std::string& text) {
   return {scenario.file.string(), position, text};
@@ -48,8 +41,6 @@ const std::filesystem::path& require_file(const Scenario& scenario, std::string_
   return file;
 }
 
-bool is_bank_file(const std::filesystem::path& file) { return file.extension() == ".json"; }
-
 /// The plant that a bank request names must be the scenario's.
 void check_request_fits(const Scenario& scenario, const PlantModel& plant,
                         const BankRequest& request) {
@@ -65,11 +56,11 @@ void check_request_fits(const Scenario& scenario, const PlantModel& plant,
 }
 
 Bank load_bank(const Scenario& scenario, const PlantModel& plant, std::vector<RunPart>& parts) {
+  require_file(scenario, "bank", scenario.bank);
   const std::string name = scenario.bank.filename().string();
-  if (is_bank_file(scenario.bank)) {
-    Bank bank = read_bank(scenario.bank);
-    parts.push_back({"bank", name, read_text(scenario.bank)});
-    return bank;
+  if (scenario.bank.extension() == ".json") {
+    parts.push_back(read_part("bank", scenario.bank));
+    return load_bank_file(scenario.bank);
   }
   const BankRequest request = read_bank_request(scenario.bank);
   check_request_fits(scenario, plant, request);
@@ -81,7 +72,9 @@ Bank load_bank(const Scenario& scenario, const PlantModel& plant, std::vector<Ru
 
 /// Where `key` stands in a bank file, which has it once.
 SourcePosition position_in_bank(const Scenario& scenario, std::string_view key) {
-  const std::string text = read_text(scenario.bank);
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(scenario.bank, error)) return {};  // it came with a log
+  const std::string text = read_part("bank", scenario.bank).text;
   const std::size_t offset = text.find(fmt::format("\"{}\"", key));
   if (offset == std::string::npos) return {};
   const auto begin = text.begin();
@@ -233,34 +226,54 @@ Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant)
   return *scenario.initial_state;
 }
 
-void check_plant_can_run(const Scenario& scenario, const PlantModel& plant, const Bank& bank) {
+void check_plant_can_run(const PlantModel& plant, const std::string& plant_text,
+                         const std::string& plant_source, const Bank& bank) {
   try {
     const LinearPlant stepped(plant, bank.sample_time_s);
   } catch (const std::invalid_argument& error) {
     const char* key = plant.nonlinearities.empty() ? "sample_time_s" : "nonlinearity";
-    throw TomlTable::read_file(scenario.plant).error(key, error.what());
+    throw TomlTable::parse(plant_text, plant_source).error(key, error.what());
   }
 }
 
-std::vector<std::string> warnings_of(const DbcDatabase& dbc) {
-  std::vector<std::string> texts;
-  for (const DbcWarning& warning : dbc.warnings) {
-    if (warning.severity != DbcSeverity::kWarning) continue;
-    texts.push_back(fmt::format("{}:{}:{}: {}", dbc.source, warning.position.line,
-                                warning.position.column, warning.text));
-  }
-  return texts;
+/// What a scenario refers to.
+struct ScenarioTexts {
+  RunPart plant, dbc;
+  std::string plant_source, dbc_source;  ///< names for messages
+};
+using BankLoader = std::function<Bank(const Scenario&, const PlantModel&, std::vector<RunPart>&)>;
+
+BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const BankLoader& load) {
+  BenchInputs inputs;
+  inputs.name = scenario.name;
+  inputs.is_initial_state_known = scenario.is_initial_state_known;
+  inputs.plant = parse_plant(texts.plant.text, texts.plant_source);
+  const DbcDatabase dbc = parse_whole_dbc(texts.dbc.text, texts.dbc_source);
+  inputs.parts = {
+      {"scenario", scenario.file.filename().string(), scenario.text}, texts.plant, texts.dbc};
+  check_mapped_channels(scenario, inputs.plant);
+  inputs.map = map_signals(scenario, dbc, inputs.plant);
+  check_cycles_can_be_told(dbc, inputs.map);
+  inputs.schedule = make_schedule(scenario, inputs.plant);
+  inputs.bank = load(scenario, inputs.plant, inputs.parts);
+  check_bank_fits(scenario, inputs.plant, inputs.bank);
+  check_expected_faults(scenario, inputs.bank);
+  check_duration(scenario, inputs.bank);
+  check_plant_can_run(inputs.plant, texts.plant.text, texts.plant_source, inputs.bank);
+  inputs.control_law = make_control_law(scenario, inputs.plant, inputs.bank.sample_time_s);
+  inputs.x_initial = initial_state(scenario, inputs.plant);
+  inputs.dbc_warnings = warnings_of(dbc);
+  inputs.scenario = std::move(scenario);
+  return inputs;
 }
 
-/// The bench trusts its DBC: a statement that was not understood is no reason to guess.
-DbcDatabase read_whole_dbc(const std::filesystem::path& file) {
-  DbcDatabase dbc = read_dbc(file);
-  for (const DbcWarning& warning : dbc.warnings) {
-    if (warning.severity == DbcSeverity::kError) {
-      throw DbcError(dbc.source, warning.position, warning.text);
-    }
-  }
-  return dbc;
+const RunPart& require_part(const std::vector<RunPart>& parts, std::string_view name,
+                            const std::string& log) {
+  if (const RunPart* part = find_part(parts, name)) return *part;
+  throw InputError(log, {},
+                   fmt::format("RUN: found no whole part \"{}\", expected one: the log does not "
+                               "carry what the run was made from",
+                               name));
 }
 
 }  // namespace
@@ -277,27 +290,34 @@ PlantModel read_requested_plant(const BankRequest& request) {
 
 BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
   Scenario scenario = read_scenario(scenario_file);
-  std::vector<RunPart> parts;
-  parts.push_back({"scenario", scenario.file.filename().string(), scenario.text});
-  PlantModel plant = read_plant(require_file(scenario, "plant", scenario.plant));
-  parts.push_back({"plant", scenario.plant.filename().string(), read_text(scenario.plant)});
-  const DbcDatabase dbc = read_whole_dbc(require_file(scenario, "dbc", scenario.dbc));
-  parts.push_back({"dbc", scenario.dbc.filename().string(), read_text(scenario.dbc)});
-  check_mapped_channels(scenario, plant);
-  SignalMap map = map_signals(scenario, dbc, plant);
-  check_cycles_can_be_told(dbc, map);
-  FaultSchedule schedule = make_schedule(scenario, plant);
-  require_file(scenario, "bank", scenario.bank);
-  Bank bank = load_bank(scenario, plant, parts);
-  check_bank_fits(scenario, plant, bank);
-  check_expected_faults(scenario, bank);
-  check_duration(scenario, bank);
-  check_plant_can_run(scenario, plant, bank);
-  ControlLaw law = make_control_law(scenario, plant, bank.sample_time_s);
-  Eigen::VectorXd x_initial = initial_state(scenario, plant);
-  return {std::move(scenario),  std::move(plant),    std::move(bank),
-          std::move(map),       std::move(schedule), std::move(law),
-          std::move(x_initial), std::move(parts),    warnings_of(dbc)};
+  ScenarioTexts texts;
+  texts.plant = read_part("plant", require_file(scenario, "plant", scenario.plant));
+  texts.plant_source = scenario.plant.string();
+  texts.dbc = read_part("dbc", require_file(scenario, "dbc", scenario.dbc));
+  texts.dbc_source = scenario.dbc.string();
+  return fit_together(std::move(scenario), texts, load_bank);
+}
+
+BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts, const std::string& log) {
+  const auto source = [&log](const RunPart& part) { return log + ":" + part.name; };
+  const RunPart& bank = require_part(parts, "bank", log);
+  const RunPart& dbc = require_part(parts, "dbc", log);
+  const auto load_bank = [&] { return parse_bank(bank.text, source(bank)); };
+  BenchInputs inputs;
+  if (const RunPart* text = find_part(parts, "scenario")) {
+    const RunPart& plant = require_part(parts, "plant", log);
+    Scenario scenario = parse_scenario(text->text, source(*text));
+    scenario.plant = source(plant);
+    scenario.dbc = source(dbc);
+    scenario.bank = source(bank);
+    inputs = fit_together(
+        std::move(scenario), {plant, dbc, source(plant), source(dbc)},
+        [&](const Scenario&, const PlantModel&, std::vector<RunPart>&) { return load_bank(); });
+  } else {
+    static_cast<DiagnosisInputs&>(inputs) = make_diagnosis_inputs(load_bank(), dbc, source(dbc));
+  }
+  inputs.parts = parts;  // all of them, under the names that the run gave them
+  return inputs;
 }
 
 }  // namespace faultline

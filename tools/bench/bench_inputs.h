@@ -10,28 +10,18 @@
 #include "drivers/signal/signal_map.h"
 #include "sim/controller_node.h"
 #include "sim/fault_schedule.h"
+#include "tools/bench/diagnosis_inputs.h"
 #include "tools/bench/scenario.h"
 
 namespace faultline {
 
-/// A text a run was made from; goes into the log (RUN).
-struct RunPart {
-  std::string part;  ///< scenario, plant, bank_request, bank, dbc
-  std::string name;  ///< file name
-  std::string text;
-};
-
 /// Everything a run needs, read, checked and fitted together.
-struct BenchInputs {
+struct BenchInputs : DiagnosisInputs {
   Scenario scenario;
   PlantModel plant;
-  Bank bank;
-  SignalMap map;
   FaultSchedule schedule;
   ControlLaw control_law;
   Eigen::VectorXd x_initial;  ///< absolute
-  std::vector<RunPart> parts;
-  std::vector<std::string> dbc_warnings;  ///< "file:line:column: ..."
 };
 
 /// A bank that was asked for cannot be had: not every residual exists. A valid question with a
@@ -50,5 +40,12 @@ class NotSolvable : public std::runtime_error {
 /// @throws InputError, DbcError, BankFileError, SignalMapError bad input; NotSolvable;
 /// @throws std::system_error a file cannot be read.
 [[nodiscard]] BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file);
+
+/// The same from the parts that a log carries (scenario, plant, dbc, bank); `log` is its name, for
+/// messages. Without a scenario (a diagnosis of nothing but a bank and a DBC) only what
+/// DiagnosisInputs has is filled.
+/// @throws InputError a part is missing (where: "LOG: RUN"); else as load_bench_inputs.
+[[nodiscard]] BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts,
+                                                const std::string& log);
 
 }  // namespace faultline

@@ -18,6 +18,15 @@
 
 namespace faultline {
 
+/// Counted by the pace of a run in real time.
+struct PaceCounters {
+  std::uint64_t overruns = 0;        ///< cycles that began a whole period late
+  std::uint64_t skipped_cycles = 0;  ///< of these, cycles that were not sent
+  std::uint64_t records_dropped = 0;
+  std::uint64_t frames_unlogged = 0;
+  std::optional<std::uint64_t> allocations, page_faults;
+};
+
 /// One run in the making: the nodes wired to a bus, the publisher, the history. How the cycles are
 /// paced is not its business: run_lock_step and run_realtime drive it.
 class BenchRun {
@@ -27,9 +36,9 @@ class BenchRun {
 
   // Consumer side: called by one thread only, the one that publishes.
 
-  /// A frame the diagnosis node received. What an error frame says of the controller's state
-  /// becomes an EVENT.
-  void on_frame(const CanFrame& frame, std::int64_t utime);
+  /// A frame the diagnosis node received, and its running number there. What an error frame says of
+  /// the controller's state becomes an EVENT.
+  void on_frame(const CanFrame& frame, std::uint64_t number, std::int64_t utime);
   void on_record(const DiagnosisRecord& record, std::int64_t utime);
   void on_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime);
   /// Call often, with the time the run has come to: flushes, repeats RUN, shows progress, polls the
@@ -38,8 +47,12 @@ class BenchRun {
   /// Last counters and a clean end of log and LCM.
   /// Nodes and buses must be at rest.
   [[nodiscard]] BenchResult finish(std::int64_t utime);
-  /// Counted by the pace: cycles that began a whole period late; records the queue had no room for.
-  void add_losses(std::uint64_t overruns, std::uint64_t records_dropped) noexcept;
+  /// Whether `on_truth` of that time will publish STATS, and so `latencies`.
+  [[nodiscard]] bool is_stats_due(std::int64_t utime) const noexcept {
+    return utime >= next_stats_utime_;
+  }
+  /// What the pace alone knows, since the start.
+  void set_pace_counters(const PaceCounters& counters) noexcept { pace_ = counters; }
 
   /// Microseconds since 1970 at which the run began.
   [[nodiscard]] std::int64_t start_utime() const noexcept { return start_utime_; }
@@ -62,6 +75,7 @@ class BenchRun {
   DiagnosisNode diagnosis;
   RunPublisher publisher;
   RunHistory history;
+  std::vector<StageLatency> latencies;  ///< kept by the pace, in real time; for STATS
 
  private:
   /// A bus as the diagnosis node sees it, and what was last said of it.
@@ -84,6 +98,7 @@ class BenchRun {
   std::int64_t start_utime_;
   std::uint32_t cycle_count_;
   RunCounters seen_;  ///< of truths and records
+  PaceCounters pace_;
   std::int64_t next_stats_utime_;
   int signal_ = 0;
   std::optional<StopReason> stop_reason_;

@@ -105,8 +105,10 @@ std::vector<MessageCounters> DiagnosisNode::message_counters() const {
 }
 
 void DiagnosisNode::on_sample(const Sample& sample, DiagnosisSink& sink) noexcept {
+  sink.on_stage(DiagnosisStage::kDecoded);
   mark_contamination(sample);
   bank_.step(sample.y, sample.u);
+  sink.on_stage(DiagnosisStage::kStepped);
   evaluator_.step(bank_.evaluation());
   const Decision decision = evaluator_.is_any_contaminated()
                                 ? Decision{.verdict = Verdict::kInhibited}
@@ -115,6 +117,7 @@ void DiagnosisNode::on_sample(const Sample& sample, DiagnosisSink& sink) noexcep
   if (!is_same_verdict(announced, record_.decision)) record_.since_cycle = sample.cycle;
   record_.onset = onset_.step(settling_, evaluator_, sample.cycle);
   find_blame(sample, announced);
+  sink.on_stage(DiagnosisStage::kDecided);
 
   record_.cycle = sample.cycle;
   record_.command_cycle = sample.command_cycle;

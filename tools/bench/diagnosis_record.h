@@ -44,12 +44,22 @@ struct DiagnosisRecord {
 /// "Sensors1: wrong CRC", "no frames"; empty if nothing is to blame.
 [[nodiscard]] std::string blame_text(const DiagnosisRecord& record);
 
+/// What the diagnosis of one sample has come to.
+enum class DiagnosisStage {
+  kDecoded,  ///< the sample is closed, its values are decoded
+  kStepped,  ///< the residuals are there
+  kDecided,  ///< the verdict is
+};
+
 /// Where the diagnosis node puts what it received and what it found. Called on the diagnosis
 /// thread.
 class DiagnosisSink {
  public:
   virtual ~DiagnosisSink() = default;
   virtual void on_received(const CanFrame& frame) noexcept = 0;
+  /// Per sample, in order, before its `on_record`. The node owns no clock: whoever has one may time
+  /// the stages.
+  virtual void on_stage(DiagnosisStage /*stage*/) noexcept {}
   virtual void on_record(const DiagnosisRecord& record) noexcept = 0;
 };
 

@@ -41,7 +41,7 @@ bool is_bus_name(const std::string& bus) noexcept {
   }
 }
 
-Endpoints open_endpoints(const std::string& bus, const SignalMap& map) {
+Endpoints open_endpoints(const std::string& bus, const SignalMap& map, bool has_probe) {
   if (!is_bus_name(bus)) {
     throw std::invalid_argument(
         fmt::format("bus: found \"{}\", expected {}, e.g. can:vcan0", bus, kBusNamesHelp));
@@ -52,14 +52,17 @@ Endpoints open_endpoints(const std::string& bus, const SignalMap& map) {
     endpoints.plant = endpoints.loop->attach();
     endpoints.controller = endpoints.loop->attach();
     endpoints.diagnosis = endpoints.loop->attach();
+    if (has_probe) endpoints.probe = endpoints.loop->attach();
   } else {
     endpoints.plant = open_bus(bus);
     endpoints.controller = open_bus(bus);
     endpoints.diagnosis = open_bus(bus);
+    if (has_probe) endpoints.probe = open_bus(bus);
   }
   endpoints.plant->set_filters(plant_filters(map));
   endpoints.controller->set_filters(controller_filters(map));
   endpoints.diagnosis->set_filters(map.filters());
+  if (endpoints.probe) endpoints.probe->set_filters(map.filters());
   return endpoints;
 }
 

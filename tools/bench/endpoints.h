@@ -13,6 +13,7 @@ namespace faultline {
 struct Endpoints {
   std::unique_ptr<LoopBus> loop;  ///< the bus itself where it is in-process, else null
   std::unique_ptr<CanBus> plant, controller, diagnosis;
+  std::unique_ptr<CanBus> probe;  ///< hears what the diagnosis hears; null where none was asked for
 };
 
 /// What a bench runs on, for help and messages.
@@ -25,6 +26,7 @@ inline constexpr char kBusNamesHelp[] =
 
 /// Opens `bus`: "loop", or what `open_bus` opens. Of several buses the nodes send on the first.
 /// @throws BusError it cannot be opened; std::invalid_argument no such kind of bus.
-[[nodiscard]] Endpoints open_endpoints(const std::string& bus, const SignalMap& map);
+[[nodiscard]] Endpoints open_endpoints(const std::string& bus, const SignalMap& map,
+                                       bool has_probe = false);
 
 }  // namespace faultline

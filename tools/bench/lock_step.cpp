@@ -27,7 +27,7 @@ class DirectSink final : public DiagnosisSink {
   explicit DirectSink(BenchRun& run) : run_(&run) {}
   void set_utime(std::int64_t utime) noexcept { utime_ = utime; }
   void on_received(const CanFrame& frame) noexcept override {
-    guard([&] { run_->on_frame(frame, utime_); });
+    guard([&] { run_->on_frame(frame, frame_count_++, utime_); });
   }
   void on_record(const DiagnosisRecord& record) noexcept override {
     guard([&] { run_->on_record(record, utime_); });
@@ -49,6 +49,7 @@ class DirectSink final : public DiagnosisSink {
   }
 
   BenchRun* run_;
+  std::uint64_t frame_count_ = 0;
   std::int64_t utime_ = 0;
   std::exception_ptr error_;
 };

@@ -1,17 +1,25 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <cstddef>
+#include <latch>
 #include <mutex>
+#include <optional>
 #include <system_error>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <fmt/format.h>
 
 #include "tools/bench/bench_run.h"
+#include "tools/bench/bus_silence.h"
+#include "tools/bench/realtime_sink.h"
+#include "tools/bench/realtime_thread.h"
 #include "tools/bench/slot_queue.h"
+#include "tools/bench/stage_latencies.h"
 
 namespace faultline {
 namespace {
@@ -26,30 +34,51 @@ constexpr Nanoseconds kIdleWait = std::chrono::milliseconds(20);
 constexpr Nanoseconds kGrace = std::chrono::milliseconds(100);
 /// The publisher looks into its queues this often.
 constexpr Nanoseconds kPublishPeriod = std::chrono::milliseconds(2);
-/// A second of a 1 kHz bench with a few frames per cycle.
-constexpr std::size_t kRecordSlots = 1024;
-constexpr std::size_t kFrameSlots = 8192;
+/// Clocks slewed by the kernel's most, 500 ppm, part by 10 µs meanwhile.
+constexpr Nanoseconds kCompareClocksPeriod = std::chrono::milliseconds(20);
+/// By then every path of a good cycle has been taken: what the linker binds at the first call is
+/// bound.
+constexpr std::uint64_t kWarmUpSamples = 50;
 
 struct TruthRecord {
   PlantTruth truth;
   Eigen::VectorXd x;
+  bool is_sent = true;
+  Nanoseconds since_due{};  ///< deadline to the frames with the bus
 };
 
-/// Queues between the diagnosis thread and the publisher.
-class QueueSink final : public DiagnosisSink {
- public:
-  explicit QueueSink(const Bank& bank)
-      : records_(kRecordSlots, DiagnosisRecord(bank)), frames_(kFrameSlots, CanFrame{}) {}
-  void on_received(const CanFrame& frame) noexcept override { frames_.push(frame); }
-  void on_record(const DiagnosisRecord& record) noexcept override { records_.push(record); }
+struct ProbeRead {
+  Timestamp stamp;
+  steady_clock::time_point read;
+};
 
-  SlotQueue<DiagnosisRecord> records_;
-  SlotQueue<CanFrame> frames_;
+/// Collects the frames of a cycle: they go out in one call, or not at all.
+class CycleFrames final : public FrameSink {
+ public:
+  explicit CycleFrames(std::size_t most) { frames_.reserve(most); }
+  bool send(const CanFrame& frame) noexcept override {
+    if (frames_.size() < frames_.capacity()) frames_.push_back(frame);
+    return true;
+  }
+  [[nodiscard]] std::span<const CanFrame> frames() const noexcept { return frames_; }
+  void clear() noexcept { frames_.clear(); }
+
+ private:
+  std::vector<CanFrame> frames_;
 };
 
 std::int64_t to_utime(Timestamp stamp) {
   return std::chrono::duration_cast<std::chrono::microseconds>(stamp.time_since_epoch()).count();
 }
+
+/// Identifier of the message that closes a sample in the ordinary course: the last command, or the
+/// last measurement where nobody answers.
+std::uint32_t closing_id(const SignalMap& map) {
+  if (!map.command_messages.empty()) return map.command_messages.back().id;
+  return map.sensor_messages.empty() ? 0 : map.sensor_messages.back().id;
+}
+
+double in_ms(Nanoseconds time) { return static_cast<double>(time.count()) * 1e-6; }
 
 class Realtime {
  public:
@@ -57,49 +86,95 @@ class Realtime {
       : run_(run),
         period_(std::chrono::duration_cast<Nanoseconds>(
             std::chrono::duration<double>(run.inputs.bank.sample_time_s))),
-        sink_(run.inputs.bank),
-        truths_(kRecordSlots, TruthRecord{{}, run.inputs.x_initial}) {}
+        cycles_per_value_(cycles_per_timed_sample(steady_clock_cost(), period_)),
+        sink_(run.inputs.bank, run.options.frame_slots, run.options.record_slots,
+              cycles_per_value_),
+        truths_(run.options.record_slots, TruthRecord{{}, run.inputs.x_initial}),
+        probe_reads_(run.options.record_slots, ProbeRead{}),
+        cycle_frames_(run.inputs.map.sensor_messages.size() + 1),
+        latencies_(period_, cycles_per_value_, run.buses.probe != nullptr),
+        silence_(period_),
+        closing_id_(closing_id(run.inputs.map)),
+        threads_ready_(run.buses.probe ? 4 : 3) {}
 
   void run() {
-    start_ = steady_clock::now() + kIdleWait;  // all threads are up by then
-    std::thread diagnosis([this] { run_diagnosis(); });
-    std::thread controller([this] { run_controller(); });
-    std::thread plant([this] { run_plant(); });
+    std::optional<RealtimeProcess> process;
+    if (run_.options.priority > 0) process.emplace();
+    std::vector<std::thread> threads;
+    threads.emplace_back([this] { run_diagnosis(); });
+    threads.emplace_back([this] { run_plant(); });
+    threads.emplace_back([this] { run_controller(); });
+    if (run_.buses.probe) threads.emplace_back([this] { run_probe(); });
+    threads_ready_.wait();
     try {
+      if (process) warn_of(process->problems());
+      warn_of_threads();
+      start_ = steady_clock::now() + kIdleWait;
+      started_.count_down();
       publish_until_done();
     } catch (...) {
       // Join before unwinding: the threads use what is about to be destroyed.
       must_stop_ = true;
-      plant.join();
-      controller.join();
-      diagnosis.join();
+      if (!started_.try_wait()) started_.count_down();
+      for (std::thread& thread : threads) thread.join();
       throw;
     }
-    plant.join();
-    controller.join();
-    diagnosis.join();
+    for (std::thread& thread : threads) thread.join();
     drain_queues();
-    run_.add_losses(overruns_, sink_.records_.dropped());
-    if (sink_.frames_.dropped() > 0) {
+    latencies_.finish();
+    run_.latencies = latencies_.stages();
+    run_.set_pace_counters(counters_now());
+    if (sink_.frames.dropped() > 0) {
       run_.publisher.publish_event(
           -1, "warning", "publisher",
           fmt::format("{} received frames are missing in the log: its queue was full",
-                      sink_.frames_.dropped()),
+                      sink_.frames.dropped()),
           last_utime_);
     }
     if (failure_) run_.stop(*failure_);
   }
 
  private:
-  // --- plant thread: leads the cycle at absolute deadlines; late cycles are caught up, not
-  // skipped.
+  using Problems = std::vector<RealtimeProblem>;
+
+  /// A thread's first act. The diagnosis goes before the plant, the plant before the controller:
+  /// the latency of the diagnosis is what is measured, and it needs microseconds of a cycle; the
+  /// unit leads the cycle, and the controller answers it.
+  void set_up_thread(const char* name, int below_diagnosis, std::optional<int> cpu,
+                     Problems& problems) {
+    const int priority =
+        run_.options.priority > 0 ? std::max(run_.options.priority - below_diagnosis, 1) : 0;
+    problems = make_thread_realtime(name, priority, cpu);
+    prefault_stack();
+    threads_ready_.count_down();
+    started_.wait();
+  }
+
+  // --- plant thread: leads the cycle at absolute deadlines.
   void run_plant() {
+    set_up_thread("plant", 1, std::nullopt, plant_problems_);
     TruthRecord truth{{}, run_.inputs.x_initial};
     auto deadline = start_;
     for (std::uint32_t k = 0; k < run_.cycle_count() && !must_stop_; ++k, deadline += period_) {
       take_commands_until(deadline);
-      if (steady_clock::now() >= deadline + period_) ++overruns_;
-      run_.plant.on_cycle(k, *run_.buses.plant);
+      const Nanoseconds late = steady_clock::now() - deadline;
+      const bool is_overrun = late >= period_;
+      if (is_overrun) ++overruns_;
+      if (is_overrun && run_.options.overrun == OverrunPolicy::kStop) {
+        fail({StopReason::Kind::kOverrun,
+              fmt::format("cycle {} began {:.3f} ms late, a period is {:.3f} ms (--overrun stop)",
+                          k, in_ms(late), in_ms(period_))});
+        break;
+      }
+      run_.plant.on_cycle(k, cycle_frames_);
+      truth.is_sent = !is_overrun || run_.options.overrun != OverrunPolicy::kSkip;
+      if (truth.is_sent) {
+        run_.buses.plant->send_batch(cycle_frames_.frames());
+        truth.since_due = steady_clock::now() - deadline;
+      } else {
+        ++skipped_cycles_;
+      }
+      cycle_frames_.clear();
       truth.truth = run_.plant.truth();
       truth.x = run_.plant.state();
       truths_.push(truth);
@@ -126,6 +201,7 @@ class Realtime {
 
   // --- controller thread: answers measurements.
   void run_controller() {
+    set_up_thread("controller", 2, std::nullopt, controller_problems_);
     while (!is_over_ && !must_stop_) {
       const ReceiveResult received = run_.buses.controller->receive(controller_batch_, kIdleWait);
       for (std::size_t i = 0; i < received.count; ++i) {
@@ -137,17 +213,50 @@ class Realtime {
 
   // --- diagnosis thread: waits on its bus, reads a batch, diagnoses, queues.
   void run_diagnosis() {
+    set_up_thread("diagnosis", 0, run_.options.cpu, diagnosis_problems_);
+    const auto heap_calls = run_.options.thread_allocations;
+    bool is_warm = false;
+    std::uint64_t heap_calls_before = 0;
+    std::uint64_t page_faults_before = 0;
     for (;;) {
       const bool may_end = is_over_ || must_stop_;
       const ReceiveResult received = run_.buses.diagnosis->receive(diagnosis_batch_, kIdleWait);
-      for (std::size_t i = 0; i < received.count; ++i) {
-        run_.diagnosis.on_frame(diagnosis_batch_[i], sink_);
+      if (received.count > 0) {
+        sink_.begin_batch(steady_clock::now());
+        for (std::size_t i = 0; i < received.count; ++i) {
+          run_.diagnosis.on_frame(diagnosis_batch_[i], sink_);
+        }
       }
       watch(received, *run_.buses.diagnosis);
       if (received.count == 0 && may_end) break;
+      if (!is_warm && sink_.record_count() >= kWarmUpSamples) {
+        is_warm = true;
+        page_faults_before = thread_page_faults();
+        if (heap_calls != nullptr) heap_calls_before = heap_calls();
+      } else if (is_warm && heap_calls != nullptr) {
+        allocations_.store(static_cast<std::int64_t>(heap_calls() - heap_calls_before),
+                           std::memory_order_relaxed);
+      }
     }
+    if (is_warm) {
+      page_faults_ = static_cast<std::int64_t>(thread_page_faults() - page_faults_before);
+    }
+    sink_.begin_end();
     run_.diagnosis.finish(sink_);
     is_diagnosis_over_ = true;
+  }
+
+  // --- probe thread: what a bare reader of the same bus sees, to compare.
+  void run_probe() {
+    set_up_thread("probe", 0, std::nullopt, probe_problems_);
+    while (!is_diagnosis_over_) {
+      const ReceiveResult received = run_.buses.probe->receive(probe_batch_, kIdleWait);
+      if (received.count == 0) continue;
+      const auto read = steady_clock::now();
+      for (std::size_t i = 0; i < received.count; ++i) {
+        if (probe_batch_[i].id == closing_id_) probe_reads_.push({probe_batch_[i].stamp, read});
+      }
+    }
   }
 
   /// A bus that is down comes back, and the cycles go on meanwhile: BenchRun tells of it.
@@ -164,46 +273,119 @@ class Realtime {
   }
 
   // --- calling thread: publishes.
+
+  /// What one thread may not have the others may not have either: told once.
+  void warn_of_threads() {
+    for (const Problems* problems :
+         {&diagnosis_problems_, &plant_problems_, &controller_problems_, &probe_problems_}) {
+      if (problems->empty()) continue;
+      warn_of(*problems);
+      return;
+    }
+  }
+
+  void warn_of(const Problems& problems) {
+    for (const RealtimeProblem& problem : problems) {
+      const std::string text = to_text(problem);
+      run_.publisher.publish_event(-1, problem.remedy.empty() ? "info" : "warning", "bench", text,
+                                   run_.start_utime());
+      if (run_.options.on_warning) run_.options.on_warning(text);
+    }
+  }
+
   void publish_until_done() {
     boost::asio::io_context context(1);
     boost::asio::steady_timer timer(context);
+    auto next_comparison = steady_clock::now();
     for (bool is_done = false; !is_done;) {
       timer.expires_after(kPublishPeriod);
       timer.async_wait([](const boost::system::error_code&) {});
       context.restart();
       context.run();
+      const auto now = steady_clock::now();
+      if (now >= next_comparison) {
+        latencies_.compare_clocks();
+        next_comparison = now + kCompareClocksPeriod;
+      }
       is_done = is_diagnosis_over_;
       drain_queues();
+      if (!is_over_ && !must_stop_) watch_silence(now);
       if (run_.attend(run_.time_of(last_cycle_), last_utime_)) must_stop_ = true;
     }
   }
 
+  void watch_silence(steady_clock::time_point now) {
+    const auto text = silence_.look(run_.buses.diagnosis->counters().received, now);
+    if (!text) return;
+    const std::int64_t utime = to_utime(std::chrono::system_clock::now());
+    run_.publisher.publish_event(last_cycle_, "warning", "watchdog", *text, utime);
+  }
+
   void drain_queues() {
+    run_.set_pace_counters(counters_now());
     while (const TruthRecord* truth = truths_.front()) {
+      if (truth->is_sent) {
+        latencies_.on_sent(truth->since_due);
+      } else {
+        latencies_.on_skipped();
+      }
+      if (run_.is_stats_due(run_.utime_of(run_.time_of(truth->truth.cycle)))) {
+        run_.latencies = latencies_.stages();
+      }
       run_.on_truth(truth->truth, truth->x, run_.utime_of(run_.time_of(truth->truth.cycle)));
       truths_.pop();
     }
-    while (const CanFrame* frame = sink_.frames_.front()) {
-      last_utime_ = to_utime(frame->stamp);
-      run_.on_frame(*frame, last_utime_);
-      sink_.frames_.pop();
+    while (const NumberedFrame* received = sink_.frames.front()) {
+      last_utime_ = to_utime(received->frame.stamp);
+      run_.on_frame(received->frame, received->number, last_utime_);
+      sink_.frames.pop();
     }
     run_.publisher.flush_frames();
-    while (const DiagnosisRecord* record = sink_.records_.front()) {
-      last_cycle_ = record->cycle;
-      run_.on_record(*record, to_utime(record->stamp));
-      sink_.records_.pop();
+    while (const QueuedRecord* queued = sink_.records.front()) {
+      last_cycle_ = queued->record.cycle;
+      run_.on_record(queued->record, to_utime(queued->record.stamp));
+      const bool is_timed = queued->times.has_stages;
+      latencies_.on_record(queued->record, queued->times,
+                           is_timed ? steady_clock::now() : steady_clock::time_point{});
+      sink_.records.pop();
     }
+    while (const ProbeRead* probe = probe_reads_.front()) {
+      latencies_.on_probe(probe->stamp, probe->read);
+      probe_reads_.pop();
+    }
+  }
+
+  [[nodiscard]] PaceCounters counters_now() const {
+    PaceCounters counters{.overruns = overruns_,
+                          .skipped_cycles = skipped_cycles_,
+                          .records_dropped = sink_.records.dropped(),
+                          .frames_unlogged = sink_.frames.dropped()};
+    const std::int64_t allocations = allocations_.load(std::memory_order_relaxed);
+    if (allocations >= 0) counters.allocations = static_cast<std::uint64_t>(allocations);
+    if (page_faults_ >= 0) counters.page_faults = static_cast<std::uint64_t>(page_faults_);
+    return counters;
   }
 
   BenchRun& run_;
   Nanoseconds period_;
-  QueueSink sink_;
+  std::uint32_t cycles_per_value_;
+  RealtimeSink sink_;
   SlotQueue<TruthRecord> truths_;
-  steady_clock::time_point start_;
-  std::array<CanFrame, kBatch> plant_batch_{}, controller_batch_{}, diagnosis_batch_{};
+  SlotQueue<ProbeRead> probe_reads_;
+  CycleFrames cycle_frames_;
+  StageLatencies latencies_;
+  BusSilence silence_;
+  std::uint32_t closing_id_;
+  std::latch threads_ready_;
+  std::latch started_{1};
+  steady_clock::time_point start_;  // set before started_
+  // Each written by its thread before threads_ready_.
+  Problems diagnosis_problems_, plant_problems_, controller_problems_, probe_problems_;
+  std::array<CanFrame, kBatch> plant_batch_{}, controller_batch_{}, diagnosis_batch_{},
+      probe_batch_{};
   std::atomic<bool> must_stop_{false}, is_over_{false}, is_diagnosis_over_{false};
-  std::atomic<std::uint64_t> overruns_{0};
+  std::atomic<std::uint64_t> overruns_{0}, skipped_cycles_{0};
+  std::atomic<std::int64_t> allocations_{-1}, page_faults_{-1};  ///< -1: not counted
   std::mutex failure_mutex_;
   std::optional<StopReason> failure_;
   std::uint32_t last_cycle_ = 0;

@@ -1,7 +1,9 @@
 #include "tools/bench/run_publisher.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <utility>
 
 #include <faultline/can_t.hpp>
 #include <faultline/diagnosis_t.hpp>
@@ -15,8 +17,8 @@
 #include <fmt/format.h>
 
 #include "diagnosis/model/digest.h"
-#include "tools/bench/channels.h"
-#include "tools/bench/frame_message.h"
+#include "tools/lcm/channels.h"
+#include "tools/lcm/frame_message.h"
 
 namespace faultline {
 namespace {
@@ -33,7 +35,7 @@ std::int64_t signed_command_cycle(std::uint32_t command_cycle) {
 }
 
 // Per output: the step between values that its signal can carry; 0 for a float.
-std::vector<double> output_resolution(const BenchInputs& inputs) {
+std::vector<double> output_resolution(const DiagnosisInputs& inputs) {
   std::vector<double> resolution(inputs.bank.output_names.size());
   for (const MappedMessage& message : inputs.map.sensor_messages) {
     for (const MappedSignal& signal : message.channels) {
@@ -58,10 +60,32 @@ void copy_states(const std::vector<SignalState>& states, std::vector<std::uint8_
 
 std::int64_t as_signed(std::uint64_t count) { return static_cast<std::int64_t>(count); }
 
+latency_histogram_t to_message(const StageLatency& stage) {
+  const LatencyHistogram& histogram = stage.histogram;
+  latency_histogram_t message;
+  message.stage = stage.stage;
+  message.count = as_signed(histogram.count());
+  message.min_ns = histogram.min().count();
+  message.max_ns = histogram.max().count();
+  message.corrected = as_signed(histogram.corrected());
+  message.cycles_per_value = static_cast<std::int32_t>(stage.cycles_per_value);
+  for (const LatencyHistogram::Bucket& bucket : histogram.buckets()) {
+    message.upper_ns.push_back(bucket.upper.count());
+    message.counts.push_back(as_signed(bucket.count));
+  }
+  message.bucket_count = static_cast<std::int32_t>(message.counts.size());
+  return message;
+}
+
 }  // namespace
 
-/// One message per channel, reused so that publishing does not allocate once warm; and its next
-/// sequence number.
+/// A channel and how much was published on it.
+struct RunPublisher::Channel {
+  const char* name;
+  std::int64_t next_sequence = 0;
+};
+
+/// One message per channel, reused so that publishing does not allocate once warm.
 struct RunPublisher::Messages {
   run_t run;
   can_t can;
@@ -72,12 +96,17 @@ struct RunPublisher::Messages {
   truth_t truth;
   event_t event;
   stats_t stats;
-  std::int64_t run_sequence = 0, can_sequence = 0, sample_sequence = 0, residual_sequence = 0,
-               diagnosis_sequence = 0, estimate_sequence = 0, truth_sequence = 0,
-               event_sequence = 0, stats_sequence = 0;
+  Channel on_run{kRunChannel}, on_can{kCanChannel}, on_sample{kSampleChannel},
+      on_residual{kResidualChannel}, on_diagnosis{kDiagnosisChannel}, on_estimate{kEstimateChannel},
+      on_truth{kTruthChannel}, on_event{kEventChannel}, on_stats{kStatsChannel};
+
+  [[nodiscard]] std::array<const Channel*, 9> channels() const {
+    return {&on_run,      &on_can,   &on_sample, &on_residual, &on_diagnosis,
+            &on_estimate, &on_truth, &on_event,  &on_stats};
+  }
 };
 
-RunPublisher::RunPublisher(const BenchInputs& inputs,
+RunPublisher::RunPublisher(const DiagnosisInputs& inputs,
                            std::vector<std::vector<std::size_t>> fault_sets,
                            std::unique_ptr<MessageSink> log, std::unique_ptr<MessageSink> live)
     : inputs_(&inputs),
@@ -104,33 +133,38 @@ RunPublisher::RunPublisher(const BenchInputs& inputs,
 RunPublisher::~RunPublisher() = default;
 
 template <class Message>
-void RunPublisher::publish(const char* channel, std::int64_t& sequence, Message& message) {
-  message.sequence = sequence++;
+void RunPublisher::publish(Channel& channel, Message& message) {
+  message.sequence = channel.next_sequence++;
   const auto size = static_cast<std::size_t>(message.getEncodedSize());
   if (buffer_.size() < size) buffer_.resize(size);
   message.encode(buffer_.data(), 0, static_cast<int>(size));
   const std::span<const std::uint8_t> encoded(buffer_.data(), size);
-  if (log_) log_->publish(channel, message.utime, encoded);
-  if (live_) live_->publish(channel, message.utime, encoded);
+  if (log_) log_->publish(channel.name, message.utime, encoded);
+  if (live_) live_->publish(channel.name, message.utime, encoded);
   ++message_count_;
 }
 
 void RunPublisher::publish_parts(std::int64_t utime) {
-  run_id_ = text_digest(fmt::format("{} {}", inputs_->scenario.name, utime));
-  send_parts(utime, false);
+  run_id_ = text_digest(fmt::format("{} {}", inputs_->name, utime));
+  parts_utime_ = utime;
+  send_parts();
 }
 
-void RunPublisher::repeat_parts(std::int64_t utime) {
-  if (live_) send_parts(utime, true);
+void RunPublisher::repeat_parts() {
+  if (!live_) return;
+  std::unique_ptr<MessageSink> log = std::exchange(log_, nullptr);
+  const std::uint64_t message_count = message_count_;
+  messages_->on_run.next_sequence = 0;
+  send_parts();
+  message_count_ = message_count;
+  log_ = std::move(log);
 }
 
-void RunPublisher::send_parts(std::int64_t utime, bool live_only) {
-  std::unique_ptr<MessageSink> held;
-  if (live_only) held = std::move(log_);
+void RunPublisher::send_parts() {
   run_t& run = messages_->run;
   run.run_id = run_id_;
+  run.utime = parts_utime_;
   for (const RunPart& part : inputs_->parts) {
-    run.utime = utime;
     run.part = part.part;
     run.name = part.name;
     run.digest = text_digest(part.text);
@@ -142,15 +176,18 @@ void RunPublisher::send_parts(std::int64_t utime, bool live_only) {
       run.chunk = static_cast<std::int32_t>(chunk);
       run.byte_count = static_cast<std::int32_t>(bytes.size());
       run.data.assign(bytes.begin(), bytes.end());
-      publish(kRunChannel, messages_->run_sequence, run);
+      publish(messages_->on_run, run);
     }
   }
-  if (live_only) log_ = std::move(held);
 }
 
-void RunPublisher::add_frame(const CanFrame& frame, std::int64_t utime) {
+void RunPublisher::add_frame(const CanFrame& frame, std::uint64_t number, std::int64_t utime) {
   can_t& can = messages_->can;
-  if (can.frames.size() == kFramesPerBatch || can.bus != frame.bus) flush_frames();
+  if (can.frames.size() == kFramesPerBatch || can.bus != frame.bus || number != next_frame_) {
+    flush_frames();
+  }
+  if (can.frames.empty()) can.first_frame = as_signed(number);
+  next_frame_ = number + 1;
   can.bus = frame.bus;
   can.frames.push_back(to_message(frame));
   can.utime = utime;
@@ -159,10 +196,8 @@ void RunPublisher::add_frame(const CanFrame& frame, std::int64_t utime) {
 void RunPublisher::flush_frames() {
   can_t& can = messages_->can;
   if (can.frames.empty()) return;
-  can.first_frame = frame_count_;
   can.frame_count = static_cast<std::int32_t>(can.frames.size());
-  frame_count_ += can.frame_count;
-  publish(kCanChannel, messages_->can_sequence, can);
+  publish(messages_->on_can, can);
   can.frames.clear();
 }
 
@@ -181,7 +216,7 @@ const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
   copy_states(record.u_state, sample.u_state);
   copy_ages(record.y_age, sample.y_age);
   copy_ages(record.u_age, sample.u_age);
-  publish(kSampleChannel, messages_->sample_sequence, sample);
+  publish(messages_->on_sample, sample);
 
   residual_t& residual = messages_->residual;
   residual.utime = utime;
@@ -189,7 +224,7 @@ const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
   residual.residual = record.residual;
   residual.evaluation = record.evaluation;
   residual.fired = record.fired;
-  publish(kResidualChannel, messages_->residual_sequence, residual);
+  publish(messages_->on_residual, residual);
 
   // A bad sample moves the filters' state, which the estimator takes for unknown anyway.
   if ((record.flags & kBadSample) == 0) {
@@ -265,7 +300,7 @@ void RunPublisher::publish_diagnosis(const DiagnosisRecord& record, std::int64_t
     }
     set.fault_count = static_cast<std::int32_t>(set.faults.size());
   }
-  publish(kDiagnosisChannel, messages_->diagnosis_sequence, diagnosis);
+  publish(messages_->on_diagnosis, diagnosis);
 }
 
 void RunPublisher::estimate(const DiagnosisRecord& record) {
@@ -297,13 +332,12 @@ void RunPublisher::publish_estimate(const DiagnosisRecord& record, std::int64_t 
   message.estimate = magnitudes.value;
   message.deviation = magnitudes.deviation;
   message.bound.assign(magnitudes.value.size(), MagnitudeEstimate::kUnknown);
-  publish(kEstimateChannel, messages_->estimate_sequence, message);
+  publish(messages_->on_estimate, message);
 }
 
-void RunPublisher::publish_truth(const PlantTruth& truth, const Eigen::VectorXd& x,
-                                 std::int64_t utime) {
+void RunPublisher::publish_truth(const PlantTruth& truth, const std::vector<Injection>& injections,
+                                 const Eigen::VectorXd& x, std::int64_t utime) {
   const double t_s = truth.cycle * inputs_->bank.sample_time_s;
-  const std::vector<Injection>& injections = inputs_->schedule.injections();
   bool is_due = is_first_truth_ || truth.cycle % cycles_per_second_ == 0;
   last_activity_.resize(injections.size(), 0.0);
   for (std::size_t i = 0; i < injections.size(); ++i) {
@@ -330,7 +364,7 @@ void RunPublisher::publish_truth(const PlantTruth& truth, const Eigen::VectorXd&
   message.fault_count = static_cast<std::int32_t>(message.faults.size());
   message.x.assign(x.data(), x.data() + x.size());
   message.state_count = static_cast<std::int32_t>(x.size());
-  publish(kTruthChannel, messages_->truth_sequence, message);
+  publish(messages_->on_truth, message);
 }
 
 void RunPublisher::publish_event(std::int64_t cycle, const std::string& severity,
@@ -342,26 +376,41 @@ void RunPublisher::publish_event(std::int64_t cycle, const std::string& severity
   event.severity = severity;
   event.source = source;
   event.text = text;
-  publish(kEventChannel, messages_->event_sequence, event);
+  publish(messages_->on_event, event);
 }
 
-void RunPublisher::publish_stats(const RunCounters& counters, std::int64_t cycle,
-                                 std::int64_t utime) {
+void RunPublisher::publish_stats(const RunCounters& counters,
+                                 const std::vector<StageLatency>& latencies, std::int64_t cycle,
+                                 std::int64_t utime, bool is_final) {
   stats_t& stats = messages_->stats;
   stats.utime = utime;
   stats.cycle = cycle;
+  stats.is_final = is_final ? 1 : 0;
   stats.frames_sent = as_signed(counters.frames_sent);
   stats.send_errors = as_signed(counters.send_errors);
   stats.frames_received = as_signed(counters.frames_received);
   stats.frames_dropped = as_signed(counters.frames_dropped);
+  stats.frames_unlogged = as_signed(counters.frames_unlogged);
   stats.samples = as_signed(counters.samples);
   stats.bad_samples = as_signed(counters.bad_samples);
   stats.late_cycles = as_signed(counters.late_cycles);
   stats.overruns = as_signed(counters.overruns);
+  stats.skipped_cycles = as_signed(counters.skipped_cycles);
   stats.records_dropped = as_signed(counters.records_dropped);
   stats.resets = as_signed(counters.resets);
-  stats.stage_count = 0;
-  publish(kStatsChannel, messages_->stats_sequence, stats);
+  stats.allocations = counters.allocations ? as_signed(*counters.allocations) : -1;
+  stats.latency.clear();
+  for (const StageLatency& stage : latencies) stats.latency.push_back(to_message(stage));
+  stats.stage_count = static_cast<std::int32_t>(stats.latency.size());
+  stats.channel.clear();
+  stats.published.clear();
+  for (const Channel* channel : messages_->channels()) {
+    if (channel->next_sequence == 0 && channel != &messages_->on_stats) continue;
+    stats.channel.emplace_back(channel->name);
+    stats.published.push_back(channel->next_sequence + (channel == &messages_->on_stats ? 1 : 0));
+  }
+  stats.channel_count = static_cast<std::int32_t>(stats.channel.size());
+  publish(messages_->on_stats, stats);
 }
 
 void RunPublisher::flush() {

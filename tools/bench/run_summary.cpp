@@ -3,46 +3,55 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "tools/bench/latency_table.h"
+#include "tools/bench/verdict_report.h"
+
 namespace faultline {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json seconds_or_null(const std::optional<double>& value_s) {
-  return value_s ? Json(*value_s) : Json(nullptr);
+Json count_or_null(const std::optional<std::uint64_t>& count) {
+  return count ? Json(*count) : Json(nullptr);
 }
 
-Json verdict_json(const VerdictEntry& entry) {
-  Json json{{"t_s", entry.t_s}, {"verdict", verdict_name(entry.verdict)}};
-  json["faults"] = entry.verdict == Verdict::kIsolated ? Json(entry.sets.front()) : Json::array();
-  if (entry.verdict == Verdict::kAmbiguous || entry.cause == Cause::kPartial) {
-    json["candidates"] = entry.sets;
+/// Latency of the diagnosis, from the kernel's stamp to the queued record, over the bare reader's.
+struct ProbeRatio {
+  double p50 = 0.0, p99 = 0.0;
+};
+
+const LatencyHistogram* histogram_of(const std::vector<StageLatency>& stages,
+                                     std::string_view name) {
+  for (const StageLatency& stage : stages) {
+    if (stage.stage == name && stage.histogram.count() > 0) return &stage.histogram;
   }
-  json["cause"] = cause_name(entry.cause);
-  if (entry.verdict == Verdict::kInhibited) json["blame"] = entry.blame;
-  json["onset_s"] = seconds_or_null(entry.onset_s);
-  if (entry.verdict == Verdict::kIsolated) {
-    json["estimates"] = Json::array();
-    for (const EstimateEntry& estimate : entry.estimates) {
-      json["estimates"].push_back(
-          {{"fault", estimate.fault},
-           {"value", estimate.value},
-           {"deviation", estimate.deviation < 0.0 ? Json(nullptr) : Json(estimate.deviation)}});
-    }
-    if (!entry.no_estimate.empty()) json["no_estimate"] = entry.no_estimate;
-  }
-  return json;
+  return nullptr;
 }
 
-Json expectation_json(const ExpectationOutcome& outcome) {
-  Json json{{"from_s", outcome.expectation.from_s},
-            {"until_s", outcome.expectation.until_s},
-            {"verdict", verdict_name(outcome.expectation.verdict)},
-            {"faults", outcome.expectation.faults},
-            {"met", outcome.is_met},
-            {"samples", outcome.samples}};
-  if (outcome.first_unmet) json["first_unmet"] = verdict_json(*outcome.first_unmet);
-  return json;
+std::optional<ProbeRatio> probe_ratio(const std::vector<StageLatency>& stages) {
+  const LatencyHistogram* const total = histogram_of(stages, "total");
+  const LatencyHistogram* const probe = histogram_of(stages, "probe: stamp->read");
+  if (total == nullptr || probe == nullptr) return std::nullopt;
+  const auto ratio_at = [&](double percent) {
+    const auto bare_ns = std::max<std::int64_t>(probe->percentile(percent).count(), 1);
+    return static_cast<double>(total->percentile(percent).count()) / static_cast<double>(bare_ns);
+  };
+  return ProbeRatio{ratio_at(50.0), ratio_at(99.0)};
+}
+
+void print_realtime(std::FILE* out, const BenchResult& result) {
+  const RunCounters& counters = result.counters;
+  if (counters.page_faults) {
+    fmt::print(out, "  diagnosis thread after warm-up: {}{} page faults\n",
+               counters.allocations ? fmt::format("{} allocations, ", *counters.allocations) : "",
+               *counters.page_faults);
+  }
+  const std::string table = latency_table(result.latencies);
+  if (!table.empty()) fmt::print(out, "\n{}", table);
+  if (const auto ratio = probe_ratio(result.latencies)) {
+    fmt::print(out, "  total : probe     p50 {:.2f}, p99 {:.2f}\n", ratio->p50, ratio->p99);
+  }
+  if (!table.empty()) fmt::print(out, "\n");
 }
 
 std::string delay_text(const std::optional<double>& delay_s) {
@@ -51,24 +60,6 @@ std::string delay_text(const std::optional<double>& delay_s) {
 
 std::string injected_text(const InjectionOutcome& outcome) {
   return outcome.faults.empty() ? "none" : fmt::format("{}", fmt::join(outcome.faults, ", "));
-}
-
-std::string expectation_text(const ExpectationOutcome& outcome) {
-  const Expectation& expectation = outcome.expectation;
-  std::string text =
-      fmt::format("{} {:g} .. {:g} s  {}", outcome.is_met ? "met    " : "NOT MET",
-                  expectation.from_s, expectation.until_s, verdict_name(expectation.verdict));
-  if (!expectation.faults.empty()) {
-    text += fmt::format(" {}", fmt::join(expectation.faults, ", "));
-  }
-  if (outcome.first_unmet) {
-    const std::string& note = outcome.first_unmet->note;
-    text += fmt::format("; found {}{} at {:g} s", verdict_text(*outcome.first_unmet),
-                        note.empty() ? "" : " (" + note + ")", outcome.first_unmet->t_s);
-  } else if (outcome.samples == 0) {
-    text += "; the run had no sample there";
-  }
-  return text;
 }
 
 void print_injections(std::FILE* out, const RunHistory& history) {
@@ -119,6 +110,13 @@ std::string integrity_text(const MessageCounters& counters) {
   return fmt::format("{} (of {} frames)", fmt::join(parts, ", "), found.frames);
 }
 
+std::string log_text(const BenchOptions& options) {
+  if (!options.log) return "none";
+  return (options.log_split.is_wanted() ? split_log_pattern(*options.log) : *options.log).string();
+}
+
+}  // namespace
+
 void print_integrity(std::FILE* out, const SignalMap& map,
                      const std::vector<MessageCounters>& messages) {
   for (std::size_t i = 0; i < messages.size(); ++i) {
@@ -127,7 +125,7 @@ void print_integrity(std::FILE* out, const SignalMap& map,
   }
 }
 
-Json message_json(const std::string& name, const MessageCounters& counters) {
+nlohmann::ordered_json message_json(const std::string& name, const MessageCounters& counters) {
   const IntegrityCounters& found = counters.integrity;
   return {{"message", name},
           {"frames", found.frames},
@@ -154,8 +152,6 @@ void print_dbc_warnings(std::FILE* out, const std::vector<std::string>& warnings
   }
 }
 
-}  // namespace
-
 void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions& options,
                    const BenchResult& result) {
   const RunCounters& counters = result.counters;
@@ -167,11 +163,12 @@ void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions
   print_residuals(out, inputs.bank, result.history);
   fmt::print(out,
              "\n  frames   sent {}, received by the diagnosis {}, dropped {}, send errors {}\n"
-             "  cycles   {}, late {}, overruns {}\n"
+             "  cycles   {}, late {}, overruns {}, skipped {}\n"
              "  samples  {}, bad {}\n",
              counters.frames_sent, counters.frames_received, counters.frames_dropped,
              counters.send_errors, counters.cycles, counters.late_cycles, counters.overruns,
-             counters.samples, counters.bad_samples);
+             counters.skipped_cycles, counters.samples, counters.bad_samples);
+  print_realtime(out, result);
   print_integrity(out, inputs.map, result.messages);
   print_dbc_warnings(out, inputs.dbc_warnings);
   if (counters.clamped_values > 0) {
@@ -182,7 +179,11 @@ void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions
     fmt::print(out, "  WARNING  {} samples are missing in log and summary: the queue was full\n",
                counters.records_dropped);
   }
-  fmt::print(out, "  log      {}\n", options.log ? options.log->string() : "none");
+  if (counters.frames_unlogged > 0) {
+    fmt::print(out, "  WARNING  {} received frames are missing in the log: its queue was full\n",
+               counters.frames_unlogged);
+  }
+  fmt::print(out, "  log      {}\n", log_text(options));
   const auto expectations = result.history.expectations();
   if (!expectations.empty()) fmt::print(out, "\n  expectations\n");
   for (const ExpectationOutcome& outcome : expectations) {
@@ -225,16 +226,25 @@ nlohmann::ordered_json summary_json(const BenchInputs& inputs, const BenchOption
   json["frames"] = {{"sent", counters.frames_sent},
                     {"received", counters.frames_received},
                     {"dropped", counters.frames_dropped},
+                    {"unlogged", counters.frames_unlogged},
                     {"send_errors", counters.send_errors}};
-  json["cycles"] = {
-      {"total", counters.cycles}, {"late", counters.late_cycles}, {"overruns", counters.overruns}};
+  json["cycles"] = {{"total", counters.cycles},
+                    {"late", counters.late_cycles},
+                    {"overruns", counters.overruns},
+                    {"skipped", counters.skipped_cycles}};
+  json["diagnosis_thread"] = {{"allocations", count_or_null(counters.allocations)},
+                              {"page_faults", count_or_null(counters.page_faults)}};
+  json["latency"] = latency_json(result.latencies);
+  if (const auto ratio = probe_ratio(result.latencies)) {
+    json["probe_ratio"] = {{"p50", ratio->p50}, {"p99", ratio->p99}};
+  }
   json["messages"] = Json::array();
   for (std::size_t i = 0; i < result.messages.size(); ++i) {
     json["messages"].push_back(message_json(inputs.map.message_name(i), result.messages[i]));
   }
   json["clamped_values"] = counters.clamped_values;
   json["records_dropped"] = counters.records_dropped;
-  json["log"] = options.log ? Json(options.log->string()) : Json(nullptr);
+  json["log"] = options.log ? Json(log_text(options)) : Json(nullptr);
   json["expect"] = {{"met", history.are_expectations_met()}, {"items", Json::array()}};
   for (const ExpectationOutcome& outcome : history.expectations()) {
     json["expect"]["items"].push_back(expectation_json(outcome));

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
@@ -20,5 +21,14 @@ void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions
 [[nodiscard]] nlohmann::ordered_json summary_json(const BenchInputs& inputs,
                                                   const BenchOptions& options,
                                                   const BenchResult& result);
+
+// Parts of it, also for a diagnosis that only listens.
+
+/// Messages whose counter or checksum found something.
+void print_integrity(std::FILE* out, const SignalMap& map,
+                     const std::vector<MessageCounters>& messages);
+void print_dbc_warnings(std::FILE* out, const std::vector<std::string>& warnings);
+[[nodiscard]] nlohmann::ordered_json message_json(const std::string& name,
+                                                  const MessageCounters& counters);
 
 }  // namespace faultline

@@ -112,10 +112,7 @@ ChannelMapping read_mapping(TomlTable& signals, const std::string& channel) {
   return mapping;
 }
 
-}  // namespace
-
-Scenario read_scenario(const std::filesystem::path& file) {
-  TomlTable root = TomlTable::read_file(file);
+Scenario scenario_of(TomlTable root, const std::filesystem::path& file) {
   const std::filesystem::path folder = file.parent_path();
   Scenario scenario;
   scenario.file = file;
@@ -157,6 +154,16 @@ Scenario read_scenario(const std::filesystem::path& file) {
   }
   root.finish();
   return scenario;
+}
+
+}  // namespace
+
+Scenario read_scenario(const std::filesystem::path& file) {
+  return scenario_of(TomlTable::read_file(file), file);
+}
+
+Scenario parse_scenario(std::string_view text, const std::filesystem::path& file) {
+  return scenario_of(TomlTable::parse(text, file.string()), file);
 }
 
 SourcePosition position_in(const Scenario& scenario, std::string_view table, std::string_view key,

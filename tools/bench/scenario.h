@@ -59,6 +59,10 @@ struct Scenario {
 /// @throws InputError anything wrong in it, with line and column; std::system_error cannot be read.
 [[nodiscard]] Scenario read_scenario(const std::filesystem::path& file);
 
+/// The same from a text; `file` is the name used in messages, and paths are resolved against its
+/// folder.
+[[nodiscard]] Scenario parse_scenario(std::string_view text, const std::filesystem::path& file);
+
 /// Where `key` of a table stands in the scenario, for messages about what only shows beside other
 /// files. `table`: empty for the top level; with `entry`, that one of a list such as [[fault]].
 /// A key that is absent stands where its table does.

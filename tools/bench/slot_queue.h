@@ -17,15 +17,25 @@ class SlotQueue {
 
   /// Producer. @return false if the queue was full and `value` was dropped.
   bool push(const T& value) noexcept {
-    const std::size_t tail = tail_.load(std::memory_order_relaxed);
-    const std::size_t next = following(tail);
-    if (next == head_.load(std::memory_order_acquire)) {
-      dropped_.fetch_add(1, std::memory_order_relaxed);
-      return false;
-    }
-    slots_[tail] = value;
-    tail_.store(next, std::memory_order_release);
+    T* const slot = free_slot();
+    if (slot == nullptr) return false;
+    *slot = value;
+    push_slot();
     return true;
+  }
+  /// Producer: the slot to write the next value into, or nullptr if the queue was full, which
+  /// counts as a dropped value. Nobody reads it before `push_slot`.
+  [[nodiscard]] T* free_slot() noexcept {
+    const std::size_t tail = tail_.load(std::memory_order_relaxed);
+    if (following(tail) == head_.load(std::memory_order_acquire)) {
+      dropped_.fetch_add(1, std::memory_order_relaxed);
+      return nullptr;
+    }
+    return &slots_[tail];
+  }
+  /// Producer: hands over what was written into `free_slot()`.
+  void push_slot() noexcept {
+    tail_.store(following(tail_.load(std::memory_order_relaxed)), std::memory_order_release);
   }
 
   /// Consumer: the oldest value, or nullptr. Valid until `pop`.

@@ -71,9 +71,11 @@ std::chrono::duration<double> BusSession::listen(
       begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
                   std::min(limits.seconds.value_or(kForever_s), kForever_s)));
   auto next_pause = begin + kPause;
+  auto last_frame = begin;
   while (left > 0 && stop.poll() == 0) {
     const auto now = Clock::now();
     if (now >= end) break;
+    if (limits.idle_s && now - last_frame >= std::chrono::duration<double>(*limits.idle_s)) break;
     const auto room = static_cast<std::size_t>(std::min<std::uint64_t>(frames.size(), left));
     const ReceiveResult result =
         bus_->receive({frames.data(), room}, std::min<std::chrono::nanoseconds>(end - now, kPause));
@@ -83,6 +85,7 @@ std::chrono::duration<double> BusSession::listen(
     }
     for (std::size_t i = 0; i < result.count; ++i) on_frame(frames[i]);
     left -= result.count;
+    if (result.count > 0) last_frame = now;
     if (result.count < room || Clock::now() >= next_pause) {
       on_pause();
       next_pause = Clock::now() + kPause;

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -18,6 +19,7 @@ namespace faultline {
 struct SessionLimits {
   std::optional<double> seconds;
   std::optional<std::uint64_t> frames;
+  std::optional<double> idle_s{};  ///< no frame for so long
 };
 
 /// Names of the buses of a list as candump would write them: "vcan0" of "can:vcan0", "udp1" of a
@@ -34,6 +36,9 @@ class BusSession {
  public:
   /// @param names each as open_bus takes it. @throws as open_bus.
   explicit BusSession(const std::vector<std::string>& names);
+
+  /// Lets only these through (CanBus::set_filters). @throws BusError.
+  void set_filters(std::span<const IdFilter> filters) { bus_->set_filters(filters); }
 
   /// Calls `on_frame` for each frame, and `on_pause` whenever there is none for the moment (at
   /// least every kPause). @return how long it listened.

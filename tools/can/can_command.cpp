@@ -17,7 +17,8 @@ void add_filter_option(CLI::App& command, std::vector<std::string>& filters) {
 
 void add_limit_options(CLI::App& command, SessionLimits& limits) {
   command.add_option("--seconds", limits.seconds, "End after so many seconds")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::PositiveNumber)
+      ->check(check_finite);
   command.add_option("-n,--count", limits.frames, "End after so many frames")
       ->check(CLI::PositiveNumber);
 }

@@ -76,6 +76,7 @@ int convert(const ConvertArguments& arguments) {
     ++passed;
   };
   receiver.on_problem = [&](const std::string& text) { problems.add(text); };
+  receiver.on_remark = ProblemReport::remark;
   const FrameLogCount count = read_frame_log(arguments.in, known, receiver);
   writer->close();
   fmt::print(stderr, "{} frames from {} to {}", passed - writer->skipped(), arguments.in,

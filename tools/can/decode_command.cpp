@@ -38,6 +38,7 @@ int decode(const DecodeArguments& arguments) {
     output.flush_if_large();
   };
   receiver.on_problem = [&](const std::string& text) { problems.add(text); };
+  receiver.on_remark = ProblemReport::remark;
   receiver.on_pause = [&] { output.flush(); };
   read_frame_log(arguments.log, &dbc, receiver);
   output.flush();

@@ -22,12 +22,12 @@
 #include "diagnosis/model/digest.h"
 #include "drivers/can/candump_log.h"
 #include "drivers/can/line_reader.h"
-#include "tools/bench/channels.h"
-#include "tools/bench/frame_message.h"
-#include "tools/bench/message_sink.h"
 #include "tools/can/signal_csv.h"
 #include "tools/cli.h"
-#include "tools/replay/log_event.h"
+#include "tools/lcm/channels.h"
+#include "tools/lcm/frame_message.h"
+#include "tools/lcm/log_reader.h"
+#include "tools/lcm/message_sink.h"
 
 namespace faultline {
 namespace {
@@ -165,50 +165,58 @@ std::vector<std::string> split_lines(std::string_view text) {
 }
 
 FrameLogCount read_lcm(const std::string& file, const FrameLogReceiver& receiver) {
-  lcm::LogFile log(file, "r");
-  if (!log.good()) throw std::system_error(errno, std::generic_category(), "cannot read " + file);
+  LogReader log(file);
   FrameLogCount count;
   std::vector<std::string> names;
   std::int64_t next_frame = 0;
+  std::size_t told_damages = 0;
   run_t run;
-  can_t batch;
-  while (const lcm::LogEvent* event = log.readNextEvent()) {
-    if (event->channel == kRunChannel && decode_event(*event, layout::kRun, run) &&
-        run.part == kBusesPart) {
+  FrameBatch batch;
+  const auto tell = [&](const std::string& text) {
+    ++count.problems;
+    receiver.on_problem(text);
+  };
+  const auto tell_damages = [&] {
+    for (; told_damages < log.damages().size(); ++told_damages) {
+      const LogDamage& damage = log.damages()[told_damages];
+      if (damage.is_end) {
+        receiver.on_remark(describe(log.name(), damage));
+      } else {
+        tell(describe(log.name(), damage));
+      }
+    }
+  };
+  while (const LogEvent* event = log.next()) {
+    tell_damages();
+    if (event->channel == kRunChannel && decode_message(event->data, layout::kRun, run) &&
+        run.part == kBusesPart && run.byte_count > 0) {
       names = split_lines({reinterpret_cast<const char*>(run.data.data()), run.data.size()});
     }
     if (event->channel != kCanChannel) continue;
-    if (!decode_event(*event, layout::kCan, batch)) {
-      ++count.problems;
-      receiver.on_problem(
-          fmt::format("{}: event {}: found a {} message of another type, expected can_t", file,
-                      event->eventnum, kCanChannel));
+    if (!decode_frames(event->data, batch)) {
+      tell(fmt::format("{}: event {}: found a {} message of another type, expected can_t", file,
+                       event->number, kCanChannel));
       continue;
     }
     if (batch.first_frame > next_frame) {
       count.missing += static_cast<std::uint64_t>(batch.first_frame - next_frame);
       receiver.on_problem(fmt::format("{}: event {}: frames {} to {} are missing", file,
-                                      event->eventnum, next_frame, batch.first_frame - 1));
+                                      event->number, next_frame, batch.first_frame - 1));
     }
     next_frame = batch.first_frame + batch.frame_count;
-    const auto index = static_cast<std::size_t>(batch.bus);
+    if (batch.malformed > 0) {
+      count.problems += batch.malformed;
+      receiver.on_problem(fmt::format("{}: event {}: found {} of {} frames that no bus can carry",
+                                      file, event->number, batch.malformed, batch.frame_count));
+    }
     const std::string bus =
-        batch.bus >= 0 && index < names.size() ? names[index] : fmt::format("can{}", batch.bus);
-    for (const can_frame_t& message : batch.frames) {
-      auto frame = to_frame(message);
-      if (!frame) {
-        ++count.problems;
-        receiver.on_problem(
-            fmt::format("{}: event {}: found a frame with identifier {} and {} bytes, "
-                        "expected one that a bus can carry",
-                        file, event->eventnum, message.id, message.length));
-        continue;
-      }
-      frame->bus = static_cast<std::uint8_t>(batch.bus);
+        batch.bus < names.size() ? names[batch.bus] : fmt::format("can{}", batch.bus);
+    for (const CanFrame& frame : batch.frames) {
       ++count.frames;
-      receiver.on_frame(*frame, bus);
+      receiver.on_frame(frame, bus);
     }
   }
+  tell_damages();
   return count;
 }
 

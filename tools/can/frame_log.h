@@ -34,6 +34,8 @@ struct FrameLogReceiver {
   std::function<void(const CanFrame& frame, std::string_view bus)> on_frame;
   /// "file:line:column: found ..., expected ...": something that was passed over.
   std::function<void(const std::string& text)> on_problem;
+  /// What one should know and nobody did wrong: the log of a run that was killed ends in an event.
+  std::function<void(const std::string& text)> on_remark = [](const std::string&) {};
   /// Before more of the file is asked for, which on a pipe may take its time.
   std::function<void()> on_pause = [] {};
 };

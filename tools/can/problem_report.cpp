@@ -12,6 +12,8 @@ void ProblemReport::add(const std::string& text) {
   if (++count_ <= kShown) fmt::print(stderr, "faultline: {}\n", text);
 }
 
+void ProblemReport::remark(const std::string& text) { fmt::print(stderr, "faultline: {}\n", text); }
+
 int ProblemReport::exit_code() {
   if (count_ > kShown) fmt::print(stderr, "faultline: and {} more like these\n", count_ - kShown);
   return count_ == 0 ? kExitYes : kExitBadInput;

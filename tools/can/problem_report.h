@@ -12,6 +12,8 @@ namespace faultline {
 class ProblemReport {
  public:
   void add(const std::string& text);
+  /// Tells what is no problem.
+  static void remark(const std::string& text);
   /// kExitYes if there was none, else kExitBadInput; tells how many were not shown.
   [[nodiscard]] int exit_code();
 

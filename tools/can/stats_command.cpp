@@ -234,6 +234,7 @@ int read_logs(const StatsArguments& arguments, const DbcDatabase* dbc, const Fra
     traffic.load.add(tagged);
   };
   receiver.on_problem = [&](const std::string& text) { problems.add(text); };
+  receiver.on_remark = ProblemReport::remark;
   for (const std::string& log : arguments.sources) {
     traffic.missing += read_frame_log(log, dbc, receiver).missing;
   }

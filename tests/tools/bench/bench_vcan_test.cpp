@@ -14,6 +14,7 @@
 #include <gtest/gtest.h>
 
 #include "drivers/can/socketcan_bus.h"
+#include "tests/support/allocation_guard.h"
 #include "tests/support/bus_traffic.h"
 #include "tests/tools/bench/log_comparison.h"
 #include "tools/bench/bench.h"
@@ -71,8 +72,18 @@ TEST(BenchOnVcan, DiagnosesInRealTimeAndAccountsForEveryFrame) {
   for (Injection& injection : inputs.scenario.injections) injection.at_s = 2.0;
   inputs.schedule = FaultSchedule(inputs.plant, inputs.scenario.injections);
   const TemporaryFolder folder;
-  const BenchResult result = run(inputs, "can:vcan0", true, folder.path() / "run.lcm");
+  BenchOptions options;
+  options.bus = "can:vcan0";
+  options.is_realtime = true;
+  options.log = folder.path() / "run.lcm";
+  options.thread_allocations = []() noexcept {
+    thread_local const AllocationGuard guard;
+    return guard.heap_calls();
+  };
+  const BenchResult result = run_bench(inputs, options);
   EXPECT_EQ(result.counters.cycles, 301U);
+  EXPECT_EQ(result.counters.allocations, 0U);
+  EXPECT_EQ(result.counters.frames_unlogged, 0U);
   EXPECT_EQ(result.counters.send_errors, 0U);
   EXPECT_EQ(result.counters.frames_received + result.counters.frames_dropped,
             result.counters.frames_sent);

@@ -27,10 +27,11 @@
 #include "drivers/signal/message_integrity.h"
 #include "tests/support/allocation_guard.h"
 #include "tests/support/random_seed.h"
+#include "tests/tools/bench/changing_bus.h"
 #include "tests/tools/bench/log_comparison.h"
 #include "tools/bench/bench_run.h"
-#include "tools/bench/channels.h"
 #include "tools/bench/run_summary.h"
+#include "tools/lcm/channels.h"
 
 namespace faultline {
 namespace {
@@ -41,52 +42,6 @@ using testing::HasSubstr;
 const std::filesystem::path kProtected =
     std::filesystem::path(FAULTLINE_EXAMPLES_DIR) / "hou2015" / "protected.toml";
 constexpr std::uint32_t kSensors1 = 272, kSensors2 = 273, kCommands1 = 288, kSync = 256;
-
-/// What becomes of a frame: any number of frames.
-using Change = std::function<void(const CanFrame& frame, std::deque<CanFrame>& out)>;
-
-/// The diagnosis node's endpoint, behind a line that changes frames.
-class ChangingBus final : public CanBus {
- public:
-  ChangingBus(std::unique_ptr<CanBus> bus, Change change)
-      : bus_(std::move(bus)), change_(std::move(change)) {}
-
-  ReceiveResult receive(std::span<CanFrame> out,
-                        std::chrono::nanoseconds timeout) noexcept override {
-    while (waiting_.size() < out.size()) {
-      const ReceiveResult received = bus_->receive(batch_, timeout);
-      for (std::size_t i = 0; i < received.count; ++i) change_(batch_[i], waiting_);
-      if (received.count < batch_.size()) break;
-    }
-    const std::size_t count = std::min(out.size(), waiting_.size());
-    std::copy_n(waiting_.begin(), count, out.begin());
-    waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
-    return {count > 0 ? ReceiveStatus::kOk : ReceiveStatus::kTimeout, count};
-  }
-  bool send(const CanFrame& frame) noexcept override { return bus_->send(frame); }
-  void set_filters(std::span<const IdFilter> filters) override { bus_->set_filters(filters); }
-  [[nodiscard]] int readiness_fd() const noexcept override { return bus_->readiness_fd(); }
-  [[nodiscard]] BusCounters counters() const noexcept override { return bus_->counters(); }
-  [[nodiscard]] std::string name() const override { return bus_->name(); }
-
- private:
-  std::unique_ptr<CanBus> bus_;
-  Change change_;
-  std::array<CanFrame, 64> batch_{};
-  std::deque<CanFrame> waiting_;
-};
-
-BenchResult run_through(const BenchInputs& inputs, Change change,
-                        const std::filesystem::path* log = nullptr) {
-  BenchOptions options;
-  options.bus = "loop";
-  if (log != nullptr) options.log = *log;
-  BenchRun run(inputs, options);
-  run.buses.diagnosis =
-      std::make_unique<ChangingBus>(std::move(run.buses.diagnosis), std::move(change));
-  run_lock_step(run);
-  return run.finish(run.utime_of(inputs.scenario.duration_s));
-}
 
 /// Applies `damage` to frames `first` .. `last` (counted from 0) of message `id`.
 Change in_window(std::uint32_t id, std::uint64_t first, std::uint64_t last, Change damage) {

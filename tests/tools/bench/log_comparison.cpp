@@ -8,7 +8,7 @@
 
 #include <faultline/residual_t.hpp>
 
-#include "tools/bench/channels.h"
+#include "tools/lcm/channels.h"
 
 namespace faultline {
 namespace {

@@ -11,9 +11,9 @@
 #include "diagnosis/design/design_bank.h"
 #include "tests/tools/bench/log_comparison.h"
 #include "tools/bench/bench.h"
-#include "tools/bench/channels.h"
 #include "tools/bench/run_summary.h"
-#include "tools/replay/log_info.h"
+#include "tools/lcm/channels.h"
+#include "tools/log/log_info.h"
 
 namespace faultline {
 namespace {
@@ -65,7 +65,7 @@ TEST(RunBench, WritesALogThatTellsEverything) {
   const TemporaryFolder folder;
   const std::filesystem::path file = folder.path() / "run.lcm";
   const BenchResult result = run_demo(inputs, file);
-  const LogInfo info = read_log_info(file);
+  const LogInfo info = read_log_info({file.string()});
   EXPECT_EQ(info.undecodable, 0U);
   EXPECT_NEAR(info.duration_s, 10.0, 1e-6);
   EXPECT_EQ(info.channels.at("FAULTLINE_SAMPLE").messages, 1001U);
