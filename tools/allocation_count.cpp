@@ -37,13 +37,27 @@ std::uint64_t thread_allocations() noexcept { return calls_of_thread; }
 
 }  // namespace faultline
 
-// The other forms (arrays, nothrow) end up in these, by the standard library's own definitions
-// ([new.delete]).
+// Arrays end up in these, by the standard library's own definitions ([new.delete]); so would the
+// nothrow forms, but for a sanitizer's, which allocate by themselves what we would then free.
 void* operator new(std::size_t size) {
   return faultline::allocate(size, __STDCPP_DEFAULT_NEW_ALIGNMENT__);
 }
 void* operator new(std::size_t size, std::align_val_t alignment) {
   return faultline::allocate(size, static_cast<std::size_t>(alignment));
+}
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
+  try {
+    return ::operator new(size);
+  } catch (const std::bad_alloc&) {
+    return nullptr;
+  }
+}
+void* operator new(std::size_t size, std::align_val_t alignment, const std::nothrow_t&) noexcept {
+  try {
+    return ::operator new(size, alignment);
+  } catch (const std::bad_alloc&) {
+    return nullptr;
+  }
 }
 void operator delete(void* memory) noexcept { faultline::release(memory); }
 void operator delete(void* memory, std::size_t) noexcept { faultline::release(memory); }

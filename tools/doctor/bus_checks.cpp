@@ -1,11 +1,15 @@
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <random>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -17,7 +21,6 @@
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <lcm/lcm-cpp.hpp>
 #include <net/if.h>
 #include <netinet/in.h>
 #include <sys/ioctl.h>
@@ -28,6 +31,8 @@
 #include "drivers/can/can_interface.h"
 #include "drivers/can/socketcan_bus.h"
 #include "tools/doctor/checks.h"
+#include "tools/lcm/lcm_source.h"
+#include "tools/lcm/message_sink.h"
 
 namespace faultline {
 namespace {
@@ -80,14 +85,6 @@ std::optional<in_addr> way_to_group(const Socket& socket) {
 Socket udp_socket() { return Socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)); }
 
 /// Waits for a message like the one that was sent.
-struct Echo {
-  std::string wanted;
-  bool is_heard = false;
-  void on_message(const lcm::ReceiveBuffer* buffer, const std::string& /*channel*/) {
-    const std::string_view heard(static_cast<const char*>(buffer->data), buffer->data_size);
-    is_heard = is_heard || heard == wanted;
-  }
-};
 
 }  // namespace
 
@@ -165,27 +162,32 @@ Finding check_lcm() {
     finding.remedies = kMulticastRemedies;
     return finding;
   }
-  lcm::LCM lcm(kUrl);
-  if (!lcm.good()) {
-    finding.found = fmt::format("{} cannot be opened", kUrl);
-    finding.remedies = kMulticastRemedies;
-    return finding;
-  }
   constexpr char kChannel[] = "FAULTLINE_DOCTOR";
-  Echo echo{.wanted = fmt::format("{:08x}{:08x}", std::random_device()(), std::random_device()())};
-  lcm.subscribe(kChannel, &Echo::on_message, &echo);
-  const auto sent = std::chrono::steady_clock::now();
-  if (lcm.publish(kChannel, echo.wanted.data(), static_cast<unsigned>(echo.wanted.size())) != 0) {
-    finding.found = fmt::format("{}: cannot send: {}", kUrl, errno_text(errno));
+  const std::string text =
+      fmt::format("{:08x}{:08x}", std::random_device()(), std::random_device()());
+  const std::vector<std::uint8_t> wanted(text.begin(), text.end());
+  bool is_heard = false;
+  const auto on_message = [&](const LiveMessage& message) {
+    is_heard = is_heard ||
+               std::equal(message.data.begin(), message.data.end(), wanted.begin(), wanted.end());
+  };
+  std::chrono::steady_clock::time_point sent;
+  try {
+    LcmSource source(kUrl, kChannel);
+    const std::unique_ptr<MessageSink> sink = open_live(kUrl);
+    sent = std::chrono::steady_clock::now();
+    sink->publish(kChannel, 0, wanted);
+    constexpr auto kPatience = std::chrono::seconds(2);
+    while (!is_heard && std::chrono::steady_clock::now() < sent + kPatience) {
+      source.receive(std::chrono::milliseconds(100), on_message);
+    }
+  } catch (const std::runtime_error& error) {  // MessageSourceError, MessageSinkError
+    finding.found = error.what();
     finding.remedies = kMulticastRemedies;
     return finding;
-  }
-  constexpr auto kPatience = std::chrono::seconds(2);
-  while (!echo.is_heard && std::chrono::steady_clock::now() < sent + kPatience) {
-    lcm.handleTimeout(100);
   }
   const std::chrono::duration<double, std::micro> trip = std::chrono::steady_clock::now() - sent;
-  if (echo.is_heard) {
+  if (is_heard) {
     finding.status = FindingStatus::kOk;
     finding.found = fmt::format("{}: a message came back in {:.0f} us", kUrl, trip.count());
   } else {
