@@ -42,15 +42,6 @@ void LatencyHistogram::record_missed(Nanoseconds value, Nanoseconds interval,
   corrected_ += missed;
 }
 
-void LatencyHistogram::add(const LatencyHistogram& other) noexcept {
-  if (other.count_ == 0) return;
-  for (std::size_t i = 0; i < kBucketCount; ++i) counts_[i] += other.counts_[i];
-  min_ns_ = count_ == 0 ? other.min_ns_ : std::min(min_ns_, other.min_ns_);
-  max_ns_ = std::max(max_ns_, other.max_ns_);
-  count_ += other.count_;
-  corrected_ += other.corrected_;
-}
-
 LatencyHistogram LatencyHistogram::restore(std::span<const Bucket> buckets, Nanoseconds min,
                                            Nanoseconds max, std::uint64_t corrected) noexcept {
   LatencyHistogram histogram;

@@ -32,14 +32,10 @@ class LatencyHistogram {
   /// coordinated omission; which stage needs it: docs/decisions/0012).
   void record_missed(Nanoseconds value, Nanoseconds interval, std::uint64_t missed) noexcept;
 
-  void add(const LatencyHistogram& other) noexcept;
-
   /// What `buckets`, `min`, `max` and `corrected` of a histogram tell of it. From outside: a
   /// negative duration counts as zero, and the extremes are brought in order.
   [[nodiscard]] static LatencyHistogram restore(std::span<const Bucket> buckets, Nanoseconds min,
                                                 Nanoseconds max, std::uint64_t corrected) noexcept;
-
-  void reset() noexcept { *this = {}; }
 
   [[nodiscard]] std::uint64_t count() const noexcept { return count_; }
   /// Of these, the values that were filled in.

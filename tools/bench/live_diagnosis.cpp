@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include "tools/lcm/frame_message.h"
+
 namespace faultline {
 namespace {
 
@@ -12,10 +14,6 @@ using std::chrono::steady_clock;
 /// As in a bench's run (docs/design.md).
 constexpr auto kRepeatPeriod = std::chrono::seconds(5);
 constexpr std::int64_t kStatsPeriod_us = 1'000'000;
-
-std::int64_t to_utime(Timestamp stamp) {
-  return std::chrono::floor<std::chrono::microseconds>(stamp.time_since_epoch()).count();
-}
 
 }  // namespace
 

@@ -20,6 +20,7 @@
 #include "tools/bench/realtime_thread.h"
 #include "tools/bench/slot_queue.h"
 #include "tools/bench/stage_latencies.h"
+#include "tools/lcm/frame_message.h"
 
 namespace faultline {
 namespace {
@@ -66,10 +67,6 @@ class CycleFrames final : public FrameSink {
  private:
   std::vector<CanFrame> frames_;
 };
-
-std::int64_t to_utime(Timestamp stamp) {
-  return std::chrono::duration_cast<std::chrono::microseconds>(stamp.time_since_epoch()).count();
-}
 
 /// Identifier of the message that closes a sample in the ordinary course: the last command, or the
 /// last measurement where nobody answers.

@@ -270,7 +270,7 @@ class LcmWriter final : public FrameLogWriter {
     }
     batch_.bus = index;
     batch_.frames.push_back(to_message(frame));
-    batch_.utime = microseconds(frame.stamp);
+    batch_.utime = to_utime(frame.stamp);
   }
   void close() override {
     flush();
@@ -278,10 +278,6 @@ class LcmWriter final : public FrameLogWriter {
   }
 
  private:
-  static std::int64_t microseconds(Timestamp stamp) {
-    return std::chrono::floor<std::chrono::microseconds>(stamp.time_since_epoch()).count();
-  }
-
   std::int32_t index_of(std::string_view bus, Timestamp stamp) {
     const auto found = indices_.find(bus);
     if (found != indices_.end()) return found->second;
@@ -290,7 +286,7 @@ class LcmWriter final : public FrameLogWriter {
     names_ += std::string(bus) + "\n";
     flush();
     run_t run;
-    run.utime = microseconds(stamp);
+    run.utime = to_utime(stamp);
     run.sequence = run_sequence_++;
     run.run_id = "convert";
     run.part = kBusesPart;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -9,6 +10,11 @@
 #include "drivers/can/can_frame.h"
 
 namespace faultline {
+
+/// A receive time as messages have it: µs since 1970, the rest cut off.
+[[nodiscard]] inline std::int64_t to_utime(Timestamp stamp) noexcept {
+  return std::chrono::floor<std::chrono::microseconds>(stamp.time_since_epoch()).count();
+}
 
 /// A frame as FAULTLINE_CAN carries it; its bus stands in the batch.
 [[nodiscard]] can_frame_t to_message(const CanFrame& frame);

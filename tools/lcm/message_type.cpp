@@ -26,13 +26,13 @@ constexpr std::size_t kUtimeAt = 8, kSequenceAt = 16, kCycleAt = 24, kHeadBytes 
 /// No run counts so far: a number beyond is damage, and counting on from it must not overflow.
 constexpr std::int64_t kLargestNumber = std::int64_t{1} << 62;
 
-std::int64_t load(std::span<const std::uint8_t> data, std::size_t at) noexcept {
+}  // namespace
+
+std::int64_t big_endian_at(std::span<const std::uint8_t> data, std::size_t at) noexcept {
   std::uint64_t value = 0;
   for (std::size_t i = 0; i < sizeof value; ++i) value = value << 8 | data[at + i];
   return static_cast<std::int64_t>(value);
 }
-
-}  // namespace
 
 std::span<const MessageType> message_types() noexcept {
   static const std::array<MessageType, 9> types{{
@@ -59,13 +59,13 @@ const MessageType* find_message_type(std::string_view channel) noexcept {
 MessageStatus read_head(const MessageType& type, std::span<const std::uint8_t> data,
                         MessageHead& head) noexcept {
   if (data.size() < kFingerprintBytes) return MessageStatus::kDamaged;
-  if (load(data, 0) != type.fingerprint) return MessageStatus::kOtherSchema;
+  if (big_endian_at(data, 0) != type.fingerprint) return MessageStatus::kOtherSchema;
   const auto body = data.subspan(kFingerprintBytes);
   if (laid_out_size(type.layout, body) != body.size() || data.size() < kHeadBytes) {
     return MessageStatus::kDamaged;
   }
-  head = {load(data, kUtimeAt), load(data, kSequenceAt),
-          type.has_cycle ? load(data, kCycleAt) : -1};
+  head = {big_endian_at(data, kUtimeAt), big_endian_at(data, kSequenceAt),
+          type.has_cycle ? big_endian_at(data, kCycleAt) : -1};
   const bool is_number = head.sequence >= 0 && head.sequence < kLargestNumber;
   const bool is_cycle = head.cycle >= -1 && head.cycle < kLargestNumber;
   return is_number && is_cycle ? MessageStatus::kWhole : MessageStatus::kDamaged;

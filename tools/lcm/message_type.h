@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string_view>
@@ -20,6 +21,10 @@ struct MessageType {
 
 /// nullptr: a run publishes nothing on this channel.
 [[nodiscard]] const MessageType* find_message_type(std::string_view channel) noexcept;
+
+/// The int64_t of an encoded message that begins at byte `at`. @pre its 8 bytes are there
+[[nodiscard]] std::int64_t big_endian_at(std::span<const std::uint8_t> data,
+                                         std::size_t at) noexcept;
 
 /// What all our messages begin with.
 struct MessageHead {

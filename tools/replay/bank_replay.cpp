@@ -4,15 +4,9 @@
 #include <exception>
 #include <utility>
 
+#include "tools/lcm/frame_message.h"
+
 namespace faultline {
-namespace {
-
-std::int64_t to_utime(Timestamp stamp) {
-  return std::chrono::duration_cast<std::chrono::microseconds>(stamp.time_since_epoch()).count();
-}
-
-}  // namespace
-
 BankReplay::BankReplay(const ReplayInputs& inputs, std::unique_ptr<MessageSink> log,
                        std::unique_ptr<MessageSink> results)
     : node_(inputs.map, inputs.bank, inputs.is_initial_state_known),

@@ -39,7 +39,6 @@ class BankReplay final : private DiagnosisSink {
 
   [[nodiscard]] const RunHistory& history() const noexcept { return history_; }
   [[nodiscard]] const RunCounters& counters() const noexcept { return counters_; }
-  [[nodiscard]] const DiagnosisNode& node() const noexcept { return node_; }
 
  private:
   void on_received(const CanFrame& frame) noexcept override;

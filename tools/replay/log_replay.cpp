@@ -9,12 +9,7 @@
 #include <string_view>
 #include <utility>
 
-#include <faultline/can_t.hpp>
-#include <faultline/diagnosis_t.hpp>
-#include <faultline/estimate_t.hpp>
-#include <faultline/residual_t.hpp>
 #include <faultline/run_t.hpp>
-#include <faultline/sample_t.hpp>
 #include <faultline/stats_t.hpp>
 #include <fmt/format.h>
 
@@ -23,6 +18,7 @@
 #include "tools/lcm/channels.h"
 #include "tools/lcm/frame_message.h"
 #include "tools/lcm/frame_sequence.h"
+#include "tools/lcm/message_type.h"
 #include "tools/lcm/run_parts.h"
 #include "tools/log/log_files.h"
 #include "tools/replay/difference_text.h"
@@ -84,8 +80,6 @@ class RunInReplay {
     if (comparison_) comparison_->on_gap();
   }
 
-  void on_end() noexcept { run_.has_ended = true; }
-
   /// @param has_ended no frame can come any more: what is open closes.
   RunReplay finish(bool has_ended) {
     run_.has_ended = has_ended;
@@ -129,12 +123,6 @@ class RunInReplay {
   RunReplay run_;
 };
 
-std::int64_t fingerprint_of(std::span<const std::uint8_t> message) noexcept {
-  std::uint64_t value = 0;
-  for (std::size_t i = 0; i < sizeof value; ++i) value = value << 8 | message[i];
-  return static_cast<std::int64_t>(value);
-}
-
 /// Replays the runs of an LCM log one after the other.
 class LcmReplay {
  public:
@@ -176,12 +164,7 @@ class LcmReplay {
   }
 
   void take_frames(const LogEvent& event) {
-    check_schema(event, can_t::getHash());
-    if (!decode_frames(event.data, batch_)) {
-      tell(
-          fmt::format("{}: byte {}: found a damaged {} message", name_, event.offset, kCanChannel));
-      return;
-    }
+    if (!decode_frames(event.data, batch_)) return refuse_or_tell(event);
     static_cast<void>(current_run());
     frames_.push(batch_);
   }
@@ -205,27 +188,30 @@ class LcmReplay {
   }
 
   void take_result(ResultChannel id, const LogEvent& event) {
-    static const std::array<std::int64_t, kResultChannels> kHashes = {
-        sample_t::getHash(), residual_t::getHash(), diagnosis_t::getHash(), estimate_t::getHash()};
-    check_schema(event, kHashes[static_cast<std::size_t>(id)]);
-    if (event.data.size() < ResultComparison::kHeaderBytes) return;
+    MessageHead head;
+    const MessageType& type = *find_message_type(event.channel);
+    if (read_head(type, event.data, head) != MessageStatus::kWhole) return refuse_or_tell(event);
     if (ResultComparison* comparison = current_run().comparison()) {
       comparison->on_recorded(id, event.data);
     }
   }
 
-  /// A message of another program or version cannot be compared, and says nothing of the frames.
-  void check_schema(const LogEvent& event, std::int64_t expected) const {
-    const bool has_fingerprint = event.data.size() >= sizeof(std::int64_t);
-    if (has_fingerprint && fingerprint_of(event.data) == expected) return;
-    throw InputError(
-        name_, {},
-        fmt::format(
-            "byte {}: {}: found a message with fingerprint {:016x}, expected {:016x}: it was "
-            "made by another program, or by another version of this one",
-            event.offset, event.channel,
-            has_fingerprint ? static_cast<std::uint64_t>(fingerprint_of(event.data)) : 0,
-            static_cast<std::uint64_t>(expected)));
+  /// Of a message that cannot be used. One of another program or version cannot be compared, and
+  /// says nothing of the frames; a damaged one is passed over.
+  void refuse_or_tell(const LogEvent& event) const {
+    MessageHead head;
+    const MessageType& type = *find_message_type(event.channel);
+    if (read_head(type, event.data, head) == MessageStatus::kOtherSchema) {
+      throw InputError(
+          name_, {},
+          fmt::format("byte {}: {}: found a message with fingerprint {:016x}, expected {:016x}: it "
+                      "was made by another program, or by another version of this one",
+                      event.offset, event.channel,
+                      static_cast<std::uint64_t>(big_endian_at(event.data, 0)),
+                      static_cast<std::uint64_t>(type.fingerprint)));
+    }
+    tell(
+        fmt::format("{}: byte {}: found a damaged {} message", name_, event.offset, event.channel));
   }
 
   void take_part(const LogEvent& event) {
@@ -240,8 +226,9 @@ class LcmReplay {
     if (stats_.is_final == 0) return;
     frames_.give_up();
     // What the run received last may be missing in the log.
-    const std::int64_t missing = stats_.frames_received - next_frame_;
-    if (missing > 0) on_gap(next_frame_, missing);
+    if (stats_.frames_received > next_frame_) {
+      on_gap(next_frame_, stats_.frames_received - next_frame_);
+    }
     has_ended_ = true;
     finish_run();
   }

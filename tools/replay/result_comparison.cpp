@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "tools/lcm/channels.h"
+#include "tools/lcm/message_type.h"
 
 namespace faultline {
 namespace {
@@ -11,12 +12,6 @@ namespace {
 constexpr std::array<const char*, kResultChannels> kNames = {kSampleChannel, kResidualChannel,
                                                              kDiagnosisChannel, kEstimateChannel};
 constexpr std::size_t kSequenceAt = 16, kCycleAt = 24;
-
-std::int64_t load(std::span<const std::uint8_t> message, std::size_t at) noexcept {
-  std::uint64_t value = 0;
-  for (std::size_t i = 0; i < sizeof value; ++i) value = value << 8 | message[at + i];
-  return static_cast<std::int64_t>(value);
-}
 
 /// All but utime and sequence, which stand behind the fingerprint.
 bool is_same_result(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b) noexcept {
@@ -62,7 +57,8 @@ void ResultComparison::on_recorded(ResultChannel id, std::span<const std::uint8_
   Channel& channel = at(id);
   ++channel.counts.recorded;
   if (channel.recorded.size() == kMostWaiting) pass_unverifiable(id, channel);
-  channel.recorded.push(load(message, kSequenceAt), load(message, kCycleAt), message);
+  channel.recorded.push(big_endian_at(message, kSequenceAt), big_endian_at(message, kCycleAt),
+                        message);
   match(id, channel);
 }
 
@@ -72,7 +68,7 @@ void ResultComparison::on_replayed(ResultChannel id, std::span<const std::uint8_
     channel.replayed.pop();
     ++channel.counts.unrecorded;
   }
-  channel.replayed.push(channel.replayed_count++, load(message, kCycleAt), message);
+  channel.replayed.push(channel.replayed_count++, big_endian_at(message, kCycleAt), message);
   match(id, channel);
 }
 

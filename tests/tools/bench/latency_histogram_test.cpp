@@ -86,26 +86,22 @@ TEST(LatencyHistogram, FillsInAVeryLongStallInAFewSteps) {
   EXPECT_EQ(missed.max(), 1us + std::chrono::hours(24 * 365));
 }
 
-TEST(LatencyHistogram, AddsUpAndIsRestoredFromItsBuckets) {
+TEST(LatencyHistogram, IsRestoredFromItsBuckets) {
   std::mt19937_64 random(11);
   std::uniform_int_distribution<std::int64_t> values(0, 10'000'000);
-  LatencyHistogram a, b, both;
+  LatencyHistogram original;
   for (int i = 0; i < 1000; ++i) {
     const nanoseconds value(values(random));
     const auto missed = static_cast<std::uint64_t>(i % 4);
-    (i % 3 == 0 ? a : b).record_missed(value, 4ms, missed);
-    both.record_missed(value, 4ms, missed);
+    original.record_missed(value, 4ms, missed);
   }
-  a.add(b);
-  const LatencyHistogram restored =
-      LatencyHistogram::restore(a.buckets(), a.min(), a.max(), a.corrected());
-  for (const LatencyHistogram* histogram : {&std::as_const(a), &restored}) {
-    EXPECT_EQ(histogram->count(), both.count());
-    EXPECT_EQ(histogram->corrected(), both.corrected());
-    EXPECT_EQ(histogram->min(), both.min());
-    EXPECT_EQ(histogram->max(), both.max());
-    EXPECT_EQ(histogram->percentile(99.0), both.percentile(99.0));
-  }
+  const LatencyHistogram restored = LatencyHistogram::restore(original.buckets(), original.min(),
+                                                              original.max(), original.corrected());
+  EXPECT_EQ(restored.count(), original.count());
+  EXPECT_EQ(restored.corrected(), original.corrected());
+  EXPECT_EQ(restored.min(), original.min());
+  EXPECT_EQ(restored.max(), original.max());
+  EXPECT_EQ(restored.percentile(99.0), original.percentile(99.0));
 }
 
 TEST(LatencyHistogram, TakesNonsenseFromOutside) {

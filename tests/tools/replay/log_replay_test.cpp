@@ -321,6 +321,20 @@ TEST_F(LogReplay, ReadsACandumpLogWithABankAndADbc) {
   EXPECT_EQ(first_difference(expected, found), expected.size());
 }
 
+TEST_F(LogReplay, NumbersThatNoRunCountsToAreDamage) {
+  const RunReplay run = replay_one(edited([](EditedEvent& event) {
+    constexpr std::size_t kSequenceAt = 16, kFramesReceivedAt = 8 + 3 * 8 + 1 + 2 * 8;  // stats_t
+    const bool is_hit = event.channel == kResidualChannel && event.index == 500;
+    if (is_hit) event.data[kSequenceAt] = 0x80;
+    if (event.channel == kStatsChannel) event.data[kFramesReceivedAt] = 0x80;
+    return true;
+  }));
+  ASSERT_TRUE(run.verification);
+  EXPECT_TRUE(run.verification->is_verified());
+  EXPECT_EQ(run.verification->comparison.counts(kResidual).recorded, 1000U);
+  EXPECT_EQ(run.verification->comparison.counts(kResidual).unrecorded, 1U);
+}
+
 TEST_F(LogReplay, RefusesABankThatDoesNotFit) {
   Bank bank = read_bank(file("pairs.bank.json"));
   Bank renamed = bank;
