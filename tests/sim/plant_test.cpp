@@ -65,7 +65,7 @@ TEST(LinearPlant, RefusesWhatItCannotStep) {
   model.sample_time_s = 0.2;
   EXPECT_NO_THROW(LinearPlant(model, 0.2));
   EXPECT_THROW(LinearPlant(model, 0.1), std::invalid_argument);
-  model.nonlinearities.push_back({.function = "sin"});
+  model.nonlinearities.push_back({.function = {FunctionKind::kSin}});
   EXPECT_THROW(LinearPlant(model, 0.2), std::invalid_argument);
 }
 
