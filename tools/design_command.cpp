@@ -22,6 +22,7 @@
 #include "tools/bench/certified_design.h"
 #include "tools/cli.h"
 #include "tools/design_json.h"
+#include "tools/observer_print.h"
 #include "tools/quantisation.h"
 
 namespace faultline {
@@ -122,7 +123,7 @@ class ProgressLine {
     if (!is_terminal_ || now - shown_ < kPeriod) return;
     shown_ = now;
     is_shown_ = true;
-    fmt::print(stderr, "\r  {} of {} residuals designed\033[K", done, total);
+    fmt::print(stderr, "\r  {} of {} steps of the design done\033[K", done, total);
     std::fflush(stderr);
   }
 
@@ -146,7 +147,9 @@ int design(const DesignArguments& arguments) {
   std::FILE* out = human_output(arguments.json);
   nlohmann::ordered_json json = design_json(result);
   print_verdict(out, plant, result);
+  print_observers(out, result);
   if (!result.bank.filters.empty()) print_bank(out, result.bank);
+  print_observer_proofs(out, result.bank);
   print_failures(out, result);
   print_indistinguishable(out, result);
   if (!arguments.dbc.empty()) {

@@ -73,6 +73,14 @@ void sample(DesignModel& model, double sample_time_s) {
   model.decoupled.state = sampled.B.rightCols(l);
 }
 
+void step_by_euler(DesignModel& model, double sample_time_s) {
+  const Index n = model.A.rows();
+  model.A = MatrixXd::Identity(n, n) + sample_time_s * model.A;
+  for (MatrixXd* columns : {&model.B, &model.faults.state, &model.decoupled.state}) {
+    *columns *= sample_time_s;
+  }
+}
+
 MatrixXd with_rows(const MatrixXd& X, Index rows) {
   MatrixXd more = MatrixXd::Zero(rows, X.cols());
   more.topRows(X.rows()) = X;
@@ -104,12 +112,14 @@ DesignModel design_model(const PlantModel& plant, const BankRequest& request) {
                     plant.D,
                     fault_directions(plant),
                     named_disturbances(plant, request, "decouple", request.decouple),
-                    request.domain == DesignDomain::kSampled};
+                    is_sampled(request.domain)};
   append_constants(
       model, named_disturbances(plant, request, "decouple_constant", request.decouple_constant));
   if (plant.time == TimeDomain::kDiscrete) {
     const Index constants = model.A.rows() - plant.n();
     model.A.bottomRightCorner(constants, constants).setIdentity();
+  } else if (request.domain == DesignDomain::kEuler) {
+    step_by_euler(model, request.sample_time_s);
   } else if (model.is_sampled) {
     sample(model, request.sample_time_s);
   }
