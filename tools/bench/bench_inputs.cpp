@@ -4,6 +4,7 @@
 #include <fstream>
 #include <functional>
 #include <iterator>
+#include <numbers>
 #include <system_error>
 
 #include <fmt/format.h>
@@ -189,8 +190,7 @@ void check_mapped_channels(const Scenario& scenario, const PlantModel& plant) {
   }
 }
 
-ControlLaw make_control_law(const Scenario& scenario, const PlantModel& plant,
-                            double sample_time_s) {
+ControlLaw make_feedback(const Scenario& scenario, const PlantModel& plant, double sample_time_s) {
   const ControllerSpec& spec = scenario.controller;
   const Eigen::VectorXd feedforward = spec.feedforward.value_or(Eigen::VectorXd::Zero(plant.m()));
   check_controller_shape(scenario, "feedforward", feedforward, plant.m(), 1);
@@ -214,6 +214,17 @@ ControlLaw make_control_law(const Scenario& scenario, const PlantModel& plant,
                    fmt::format("controller: {}", error.what()));
   }
   return {};
+}
+
+ControlLaw make_control_law(const Scenario& scenario, const PlantModel& plant,
+                            double sample_time_s) {
+  ControlLaw law = make_feedback(scenario, plant, sample_time_s);
+  if (const auto& amplitude = scenario.controller.amplitude) {
+    check_controller_shape(scenario, "amplitude", *amplitude, plant.m(), 1);
+    law.amplitude = *amplitude;
+    law.omega_rad = 2.0 * std::numbers::pi * sample_time_s * *scenario.controller.frequency_Hz;
+  }
+  return law;
 }
 
 Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant) {

@@ -40,6 +40,8 @@ ControllerSpec read_controller(TomlTable table) {
     spec.K = table.matrix("K", -1, -1);
   }
   spec.feedforward = table.optional_vector("feedforward", -1);
+  spec.amplitude = table.optional_vector("amplitude", -1);
+  if (spec.amplitude) spec.frequency_Hz = table.vector("frequency_Hz", spec.amplitude->size());
   return spec;
 }
 

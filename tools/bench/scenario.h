@@ -25,10 +25,12 @@ enum class ControllerKind {
 
 struct ControllerSpec {
   ControllerKind kind = ControllerKind::kNone;
-  std::optional<Eigen::MatrixXd> K;            ///< kGain: m×n
-  std::optional<Eigen::MatrixXd> Q;            ///< kLqr: n×n, identity if absent
-  std::optional<Eigen::MatrixXd> R;            ///< kLqr: m×m, identity if absent
-  std::optional<Eigen::VectorXd> feedforward;  ///< v, m; zero if absent
+  std::optional<Eigen::MatrixXd> K;             ///< kGain: m×n
+  std::optional<Eigen::MatrixXd> Q;             ///< kLqr: n×n, identity if absent
+  std::optional<Eigen::MatrixXd> R;             ///< kLqr: m×m, identity if absent
+  std::optional<Eigen::VectorXd> feedforward;   ///< v, m; zero if absent
+  std::optional<Eigen::VectorXd> amplitude;     ///< of a sine on each input, m; zero if absent
+  std::optional<Eigen::VectorXd> frequency_Hz;  ///< of these sines, m
 };
 
 /// What the diagnosis must answer at every sample from from_s to until_s, both included.
