@@ -116,11 +116,9 @@ RunPublisher::RunPublisher(const DiagnosisInputs& inputs,
       messages_(std::make_unique<Messages>()),
       cycles_per_second_(static_cast<std::uint32_t>(
           std::clamp(std::round(1.0 / inputs.bank.sample_time_s), 1.0, kMaxCyclesPerSecond))),
-      estimator_(inputs.bank, output_resolution(inputs)) {
+      estimator_(inputs.bank, output_resolution(inputs)),
+      estimating_filters_(inputs.bank) {
   residual_t& residual = messages_->residual;
-  for (const ResidualFilter& filter : inputs.bank.filters) {
-    residual.threshold.push_back(filter.threshold);
-  }
   sample_t& sample = messages_->sample;
   sample.output_count = static_cast<std::int32_t>(inputs.bank.output_names.size());
   sample.input_count = static_cast<std::int32_t>(inputs.bank.input_names.size());
@@ -222,16 +220,13 @@ const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
   residual.utime = utime;
   residual.cycle = record.cycle;
   residual.residual = record.residual;
+  residual.row_threshold = record.row_thresholds;
   residual.evaluation = record.evaluation;
+  residual.threshold = record.thresholds;
   residual.fired = record.fired;
   publish(messages_->on_residual, residual);
 
-  // A bad sample moves the filters' state, which the estimator takes for unknown anyway.
-  if ((record.flags & kBadSample) == 0) {
-    estimator_.push(record.cycle, record.residual);
-  } else {
-    estimator_.restart();
-  }
+  follow_samples(record);
   follow_inhibition(record, utime);
   const bool is_isolated = record.decision.verdict == Verdict::kIsolated;
   if (is_first_record_ || !is_same_verdict(record.decision, last_decision_)) {
@@ -241,8 +236,7 @@ const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
   const bool is_diagnosis_due = is_first_record_ || record.decision != last_decision_ ||
                                 is_blame_new_ || record.cycle % cycles_per_second_ == 0;
   const bool is_estimate_due =
-      is_isolated && (is_diagnosis_due || (is_estimate_pending_ &&
-                                           estimator_.is_window_behind(record.onset.last_cycle)));
+      is_isolated && (is_diagnosis_due || (is_estimate_pending_ && is_estimate_ready(record)));
   is_first_record_ = false;
   last_decision_ = record.decision;
   if (is_diagnosis_due) publish_diagnosis(record, utime);
@@ -303,13 +297,38 @@ void RunPublisher::publish_diagnosis(const DiagnosisRecord& record, std::int64_t
   publish(messages_->on_diagnosis, diagnosis);
 }
 
+// A bad sample moves the filters' state, which the estimator takes for unknown anyway.
+void RunPublisher::follow_samples(const DiagnosisRecord& record) {
+  if ((record.flags & kBadSample) == 0) {
+    estimator_.push(record.cycle, record.residual);
+    estimating_filters_.push(record.cycle, record.fired, record.residual);
+  } else {
+    estimator_.restart();
+    estimating_filters_.restart();
+  }
+}
+
+// Of an isolated set.
+bool RunPublisher::is_estimate_ready(const DiagnosisRecord& record) const {
+  const std::vector<std::size_t>& set = fault_sets_[record.decision.sets[0]];
+  return estimating_filters_.can_estimate(set)
+             ? estimating_filters_.is_settled(set)
+             : estimator_.is_window_behind(record.onset.last_cycle);
+}
+
 void RunPublisher::estimate(const DiagnosisRecord& record) {
-  estimate_.magnitudes =
-      estimator_.estimate(fault_sets_[record.decision.sets[0]], record.onset.last_cycle);
-  if (!is_estimate_pending_ || !estimator_.is_window_behind(record.onset.last_cycle)) return;
+  const std::vector<std::size_t>& set = fault_sets_[record.decision.sets[0]];
+  const bool is_observed = estimating_filters_.can_estimate(set);
+  estimate_.magnitudes = is_observed ? estimating_filters_.estimate(set)
+                                     : estimator_.estimate(set, record.onset.last_cycle);
+  if (!is_estimate_pending_ || !is_estimate_ready(record)) return;
   is_estimate_pending_ = false;
-  // Refined once: later magnitudes need not be those that made the residual cross. Where it has
-  // cleared, a fault went, and the response to those that stay says nothing.
+  if (!is_observed) refine_onset(record);
+}
+
+// Refined once: later magnitudes need not be those that made the residual cross. Where it has
+// cleared, a fault went, and the response to those that stay says nothing.
+void RunPublisher::refine_onset(const DiagnosisRecord& record) {
   const std::int64_t filter = record.onset.filter;
   if (filter == Onset::kNone || record.fired[static_cast<std::size_t>(filter)] == 0) return;
   if (const auto delay = estimator_.response_delay(static_cast<std::size_t>(filter))) {
@@ -331,7 +350,7 @@ void RunPublisher::publish_estimate(const DiagnosisRecord& record, std::int64_t 
   }
   message.estimate = magnitudes.value;
   message.deviation = magnitudes.deviation;
-  message.bound.assign(magnitudes.value.size(), MagnitudeEstimate::kUnknown);
+  message.bound = magnitudes.bound;
   publish(messages_->on_estimate, message);
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "diagnosis/bank/bank.h"
+#include "diagnosis/runtime/estimating_filters.h"
 #include "diagnosis/runtime/estimator.h"
 #include "drivers/can/can_bus.h"
 #include "drivers/can/can_frame.h"
@@ -95,7 +96,10 @@ class RunPublisher {
   void publish_diagnosis(const DiagnosisRecord& record, std::int64_t utime);
   void follow_inhibition(const DiagnosisRecord& record, std::int64_t utime);
   void publish_estimate(const DiagnosisRecord& record, std::int64_t utime);
+  void follow_samples(const DiagnosisRecord& record);
+  [[nodiscard]] bool is_estimate_ready(const DiagnosisRecord& record) const;
   void estimate(const DiagnosisRecord& record);
+  void refine_onset(const DiagnosisRecord& record);
 
   const DiagnosisInputs* inputs_;
   std::vector<std::vector<std::size_t>> fault_sets_;
@@ -114,6 +118,7 @@ class RunPublisher {
   // Totals when it began, and of the last record.
   std::uint64_t bad_frames_then_ = 0, missing_then_ = 0, last_bad_frames_ = 0, last_missing_ = 0;
   MagnitudeEstimator estimator_;
+  EstimatingFilters estimating_filters_;
   FaultEstimate estimate_;
   bool is_estimate_pending_ = false;  // a set is isolated, and not estimated yet
   bool is_first_truth_ = true;

@@ -52,7 +52,7 @@ class Sequence {
       for (const char mark : above) {
         evaluation.push_back(mark == '1' ? 2.0 : 0.5);
       }
-      evaluator_.step(evaluation);
+      evaluator_.step(evaluation, std::vector<double>(evaluation.size(), 1.0));
       const Decision decision = evaluator_.is_any_contaminated()
                                     ? Decision{.verdict = Verdict::kInhibited}
                                     : table_.decide(evaluator_.signature());
@@ -193,12 +193,13 @@ TEST(OnsetTracker, DoesNotTouchTheHeapInAThousandSteps) {
   Settling settling(kSettle, 1);
   OnsetTracker tracker(1);
   std::vector<double> evaluation(6);
+  const std::vector<double> thresholds(6, 1.0);
   const AllocationGuard guard;
   for (std::uint32_t k = 0; k < 1000; ++k) {
     for (std::size_t i = 0; i < evaluation.size(); ++i) {
       evaluation[i] = (k / 20 + i) % 3 == 0 ? 2.0 : 0.0;
     }
-    evaluator.step(evaluation);
+    evaluator.step(evaluation, thresholds);
     settling.step(table.decide(evaluator.signature()), evaluator.signature());
     tracker.step(settling, evaluator, k);
     if (k % 300 == 0) {
