@@ -136,6 +136,13 @@ std::vector<DecouplingWay> ways_of(const PlantModel& plant, const BankRequest& r
   return ways;
 }
 
+// τ without the drifts of carried faults, the last entries of w: without a fault there is none.
+double healthy_tau(const ObserverSynthesis& synthesis, const ObserverModel& model, Index carried) {
+  const Index others = model.w_bound.size() - carried;
+  const VectorXd mu = synthesis.mu_now + synthesis.mu_next + synthesis.mu_direct;
+  return mu.head(others).dot(model.w_bound.head(others).cwiseAbs2());
+}
+
 // A trial and, if it came to something, its observer.
 struct Outcome {
   ObserverTrial trial;
@@ -243,7 +250,9 @@ class Chooser {
     trial.objective = observer.synthesis.objective;
     trial.beta = observer.synthesis.beta;
     analyse_again(model, way, output, alpha, observer.synthesis);
-    trial.j_th = std::sqrt(observer.synthesis.tau);
+    trial.j_th = std::sqrt(purpose_ == ObserverPurpose::kDetect
+                               ? healthy_tau(observer.synthesis, model, std::ssize(task_.carry))
+                               : observer.synthesis.tau);
     judge(observer, output, outcome);
     if (std::isfinite(outcome.rank)) outcome.observer = std::move(observer);
     return outcome;
