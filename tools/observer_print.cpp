@@ -72,9 +72,10 @@ Json trial_json(const ObserverTrial& trial) {
   json["component_threshold"] = numbers(trial.component);
   json["guaranteed"] = trial.guaranteed;
   if (trial.beta > 0.0) {
-    const Eigen::MatrixXd& V = trial.multiplier.V;
-    json["multiplier"] = {{"a_0", trial.multiplier.a_0},
-                          {"V", std::vector<double>(V.data(), V.data() + V.size())}};
+    const bool is_response = trial.multipliers.direction == ReferenceDirection::kFaultResponse;
+    json["multipliers"] = {{"a_0", trial.multipliers.a_0},
+                           {"v", trial.multipliers.v},
+                           {"direction", is_response ? "fault_response" : "fault_input"}};
   }
   return json;
 }

@@ -50,8 +50,9 @@ class UioDesign {
         progress_(progress),
         sampled_(observer_plant(plant, request)) {
     result_.bank = bank_without_filters(plant, request);
-    total_ = trial_count(request.uio.detection);
-    if (!request.uio.estimation.carry.empty()) total_ += trial_count(request.uio.estimation);
+    const UioRequest& uio = request.uio;
+    total_ = attempt_count(uio.detection, uio.is_h_minus && uio.v.empty());
+    if (!uio.estimation.carry.empty()) total_ += attempt_count(uio.estimation, false);
   }
 
   DesignResult run() {
@@ -79,7 +80,8 @@ class UioDesign {
   [[nodiscard]] ObserverChoice choose(const ObserverTask& task, const ObserverRequest& asked,
                                       ObserverPurpose purpose) {
     return choose_observer(plant_, request_, sampled_, task, asked, purpose, [this] {
-      if (progress_) progress_(++done_, total_);
+      done_ = std::min(done_ + 1, total_ - 1);  // how many there will be is a guess
+      if (progress_) progress_(done_, total_);
     });
   }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -12,6 +13,7 @@
 #include "diagnosis/design/uio/component_threshold.h"
 #include "diagnosis/design/uio/decoupling.h"
 #include "diagnosis/design/uio/limit_text.h"
+#include "diagnosis/design/uio/observer_search.h"
 #include "diagnosis/design/uio/structural_limits.h"
 
 namespace faultline {
@@ -173,10 +175,7 @@ class Chooser {
         outcomes_.push_back(std::move(refused));
         continue;
       }
-      for (const double alpha : asked_.alpha) {
-        outcomes_.push_back(attempt(model, way, alpha));
-        step();
-      }
+      attempt_all(model, way, step);
     }
   }
 
@@ -238,18 +237,60 @@ class Chooser {
     return output;
   }
 
-  Outcome attempt(const ObserverModel& model, const DecouplingWay& way, double alpha) const {
-    Outcome outcome{trial_of(way, alpha), {}};
-    ObserverTrial& trial = outcome.trial;
+  // One outcome per alpha: the best of the candidates there, by what decides at run time.
+  void attempt_all(const ObserverModel& model, const DecouplingWay& way,
+                   const std::function<void()>& step) {
     const ObserverOutput output = output_of(model);
-    DesignedObserver observer{task_, model, way.matrices, way.decoupled, {}, band_};
-    observer.synthesis = search(model, way, output, alpha, trial.multiplier);
-    trial.status = observer.synthesis.status;
-    trial.reason = observer.synthesis.reason;
-    if (trial.status != SynthesisStatus::kSolved) return outcome;
-    trial.objective = observer.synthesis.objective;
-    trial.beta = observer.synthesis.beta;
-    analyse_again(model, way, output, alpha, observer.synthesis);
+    const ObserverSearch search = search_with_multipliers(model, way, output, step);
+    for (const double alpha : asked_.alpha) {
+      Outcome best{trial_of(way, alpha), {}};
+      for (const ObserverCandidate& candidate : search.candidates) {
+        if (candidate.multipliers.alpha != alpha) continue;
+        Outcome outcome = judged(model, way, output, candidate);
+        if (!best.observer || outcome.rank < best.rank) best = std::move(outcome);
+      }
+      if (best.trial.status != SynthesisStatus::kSolved) explain(search, best.trial);
+      outcomes_.push_back(std::move(best));
+    }
+  }
+
+  // Multipliers that were asked for are tried, all of them; else they are searched.
+  [[nodiscard]] ObserverSearch search_with_multipliers(const ObserverModel& model,
+                                                       const DecouplingWay& way,
+                                                       const ObserverOutput& output,
+                                                       const std::function<void()>& step) const {
+    const UioRequest& uio = request_.uio;
+    ObserverSearchOptions options;
+    options.alphas = asked_.alpha;
+    if (!uio.a_0.empty()) options.a_0s = uio.a_0;
+    options.weight = uio.is_weight_full ? ResidualWeight::kFull : ResidualWeight::kScalar;
+    options.on_attempt = [&](std::size_t) { step(); };
+    const auto band = uses_h_minus() ? std::optional(band_) : std::nullopt;
+    if (!uses_h_minus() || uio.v.empty()) {
+      return search_observer(model, way.matrices, output, band, options);
+    }
+    ObserverSearch all;
+    for (const double v : uio.v) {
+      options.smallest_v = options.largest_v = v;
+      ObserverSearch found = search_observer(model, way.matrices, output, band, options);
+      std::move(found.candidates.begin(), found.candidates.end(),
+                std::back_inserter(all.candidates));
+      std::move(found.attempts.begin(), found.attempts.end(), std::back_inserter(all.attempts));
+    }
+    return all;
+  }
+
+  [[nodiscard]] Outcome judged(const ObserverModel& model, const DecouplingWay& way,
+                               const ObserverOutput& output,
+                               const ObserverCandidate& candidate) const {
+    Outcome outcome{trial_of(way, candidate.multipliers.alpha), {}};
+    ObserverTrial& trial = outcome.trial;
+    trial.status = SynthesisStatus::kSolved;
+    trial.multipliers = candidate.multipliers;
+    trial.objective = candidate.design.objective;
+    trial.beta = candidate.design.beta;
+    DesignedObserver observer{task_, model, way.matrices, way.decoupled, candidate.bound, band_};
+    observer.synthesis.beta = candidate.design.beta;
     trial.j_th = std::sqrt(purpose_ == ObserverPurpose::kDetect
                                ? healthy_tau(observer.synthesis, model, std::ssize(task_.carry))
                                : observer.synthesis.tau);
@@ -258,31 +299,20 @@ class Chooser {
     return outcome;
   }
 
-  // The gain alone has a smaller bound than the inequalities that found it, which share P with
-  // nothing else then.
-  static void analyse_again(const ObserverModel& model, const DecouplingWay& way,
-                            const ObserverOutput& output, double alpha,
-                            ObserverSynthesis& synthesis) {
-    const ObserverSynthesis again =
-        analyse_observer(model, way.matrices, output, synthesis.gain, alpha, synthesis.weight);
-    if (again.status != SynthesisStatus::kSolved || again.tau >= synthesis.tau) return;
-    synthesis.P = again.P;
-    synthesis.mu_now = again.mu_now;
-    synthesis.mu_next = again.mu_next;
-    synthesis.mu_direct = again.mu_direct;
-    synthesis.tau = again.tau;
-  }
-
-  [[nodiscard]] ObserverSynthesis search(const ObserverModel& model, const DecouplingWay& way,
-                                         const ObserverOutput& output, double alpha,
-                                         ReferenceSystem& multiplier) const {
-    const ResidualWeight weight =
-        request_.uio.is_weight_full ? ResidualWeight::kFull : ResidualWeight::kScalar;
-    if (!uses_h_minus()) {
-      return synthesise_observer(model, way.matrices, output, alpha, std::nullopt, {}, weight);
+  // Why no attempt at this alpha came to anything.
+  static void explain(const ObserverSearch& search, ObserverTrial& trial) {
+    if (!trial.reason.empty()) return;
+    std::size_t count = 0;
+    for (const ObserverAttempt& attempt : search.attempts) {
+      if (attempt.multipliers.alpha != trial.alpha) continue;
+      ++count;
+      // "No gain" counts only if it is so for all multipliers.
+      if (count == 1 || attempt.status != SynthesisStatus::kInfeasible) {
+        trial.status = attempt.status;
+        trial.reason = attempt.reason;
+      }
     }
-    multiplier = {-0.05, -50.0 * model.F_x};
-    return synthesise_observer(model, way.matrices, output, alpha, band_, multiplier, weight);
+    if (count > 1) trial.reason += fmt::format(" (the same for all of {} multipliers)", count);
   }
 
   void judge(const DesignedObserver& observer, const ObserverOutput& output,
@@ -348,7 +378,12 @@ class Chooser {
 
 }  // namespace
 
-std::size_t trial_count(const ObserverRequest& asked) { return 2 * asked.alpha.size(); }
+std::size_t attempt_count(const ObserverRequest& asked, bool is_searched) {
+  // Two ways of decoupling; along v some five attempts for each of three a_0.
+  constexpr std::size_t kWays = 2;
+  constexpr std::size_t kAttemptsPerAlpha = 15;
+  return kWays * asked.alpha.size() * (is_searched ? kAttemptsPerAlpha : 1);
+}
 
 ObserverChoice choose_observer(const PlantModel& plant, const BankRequest& request,
                                const ObserverPlant& sampled, const ObserverTask& task,

@@ -26,14 +26,14 @@ struct ObserverChoice {
 };
 
 /// Tries every way of decoupling and every alpha of `asked`; takes the best.
-/// @param step told after each alpha.
+/// @param step told after each set of inequalities.
 /// @throws InputError a disturbance that must be decoupled cannot be; a bound is missing.
 [[nodiscard]] ObserverChoice choose_observer(const PlantModel& plant, const BankRequest& request,
                                              const ObserverPlant& sampled, const ObserverTask& task,
                                              const ObserverRequest& asked, ObserverPurpose purpose,
                                              const std::function<void()>& step);
 
-/// How often choose_observer() calls `step`, at most.
-[[nodiscard]] std::size_t trial_count(const ObserverRequest& asked);
+/// About how often choose_observer() will call `step`; `is_searched`: multipliers of H- are.
+[[nodiscard]] std::size_t attempt_count(const ObserverRequest& asked, bool is_searched);
 
 }  // namespace faultline

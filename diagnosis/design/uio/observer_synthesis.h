@@ -48,7 +48,7 @@ struct ObserverSynthesis {
   double objective = 0.0;  ///< J_th/β of the SDP; L∞ only: J_th
 };
 
-/// H-/L∞: minimises J_th/β over Γ. [uio.md 2.1 (L), (R), 2.2 (H), 3]
+/// H-/L∞: minimises J_th/β over Γ.
 /// @param band absent: L∞ only, Ω = I.
 [[nodiscard]] ObserverSynthesis synthesise_observer(const ObserverModel& model,
                                                     const DecouplingMatrices& decoupling,
