@@ -190,17 +190,26 @@ void read_component_faults(TomlTable& root, PlantModel& plant) {
   }
 }
 
+// Of a disturbance or a noise source; "all" is how a scenario speaks of every one.
+void check_source_name(const TomlTable& table, std::string_view what, const std::string& name,
+                       const std::vector<std::string>& taken) {
+  if (name.empty() || std::find(taken.begin(), taken.end(), name) != taken.end()) {
+    throw table.error("name",
+                      fmt::format("found \"{}\", expected a name no other {} has", name, what));
+  }
+  if (name == "all") {
+    throw table.error("name", fmt::format("found \"all\", expected another name: scenarios mean "
+                                          "every {} by it",
+                                          what));
+  }
+}
+
 void read_disturbances(TomlTable& root, PlantModel& plant) {
   std::vector<std::string> names;
   for (TomlTable& table : root.tables("disturbance")) {
     Disturbance disturbance;
     disturbance.name = table.string("name");
-    if (disturbance.name.empty() ||
-        std::find(names.begin(), names.end(), disturbance.name) != names.end()) {
-      throw table.error("name", fmt::format("found \"{}\", expected a name no other disturbance "
-                                            "has",
-                                            disturbance.name));
-    }
+    check_source_name(table, "disturbance", disturbance.name, names);
     names.push_back(disturbance.name);
     disturbance.state = read_direction(table, "state", plant.n());
     disturbance.output = read_direction(table, "output", plant.q());
@@ -211,8 +220,12 @@ void read_disturbances(TomlTable& root, PlantModel& plant) {
 }
 
 void read_noises(TomlTable& root, PlantModel& plant) {
+  std::vector<std::string> names;
   for (TomlTable& table : root.tables("noise")) {
     Noise noise;
+    noise.name = table.optional_string("name").value_or(fmt::format("noise{}", names.size() + 1));
+    check_source_name(table, "noise source", noise.name, names);
+    names.push_back(noise.name);
     noise.output = table.vector("output", plant.q());
     noise.bound = read_optional_positive(table, "bound");
     noise.sigma = read_optional_positive(table, "sigma");

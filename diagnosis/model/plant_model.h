@@ -32,6 +32,7 @@ struct Disturbance {
 
 /// Measurement noise v: adds its column to the output equation.
 struct Noise {
+  std::string name;        ///< "noise1", "noise2", .. by position if the file gives none
   Eigen::VectorXd output;  ///< q
   std::optional<double> bound;
   std::optional<double> sigma;
@@ -82,7 +83,8 @@ struct PlantModel {
 };
 
 /// Name-based digest (RFC 4122, version 5) of everything in the model that a bank depends on:
-/// names, numbers, time domain. Comments and layout of the file do not count.
+/// names, numbers, time domain. Comments and layout of the file do not count, nor do the names of
+/// noise sources, which only scenarios use.
 [[nodiscard]] std::string plant_digest(const PlantModel& model);
 
 }  // namespace faultline

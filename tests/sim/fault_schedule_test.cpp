@@ -79,7 +79,7 @@ TEST(FaultSchedule, RefusesAnUnknownTargetAndSuggestsTheNearest) {
     const FaultSchedule schedule(double_integrator(), {{.target = "y2"}, {.target = "forse"}});
     FAIL() << "expected a ScheduleError";
   } catch (const ScheduleError& error) {
-    EXPECT_EQ(error.injection(), 1U);
+    EXPECT_EQ(error.entry(), 1U);
     EXPECT_THAT(error.what(), HasSubstr("forse"));
     EXPECT_THAT(error.what(), HasSubstr("did you mean \"force\"?"));
   }

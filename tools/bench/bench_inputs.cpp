@@ -152,7 +152,7 @@ FaultSchedule make_schedule(const Scenario& scenario, const PlantModel& plant) {
   try {
     return {plant, scenario.injections};
   } catch (const ScheduleError& error) {
-    throw error_in(scenario, position_in(scenario, "fault", error.field(), error.injection()),
+    throw error_in(scenario, position_in(scenario, "fault", error.field(), error.entry()),
                    error.what());
   }
 }
@@ -240,7 +240,7 @@ Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant)
 void check_plant_can_run(const PlantModel& plant, const std::string& plant_text,
                          const std::string& plant_source, const Bank& bank) {
   try {
-    const LinearPlant stepped(plant, bank.sample_time_s);
+    const SimulatedPlant stepped(plant, bank.sample_time_s);
   } catch (const std::invalid_argument& error) {
     const char* key = plant.nonlinearities.empty() ? "sample_time_s" : "nonlinearity";
     throw TomlTable::parse(plant_text, plant_source).error(key, error.what());
