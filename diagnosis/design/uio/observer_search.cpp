@@ -23,11 +23,7 @@ class Search {
   Search(const ObserverModel& model, const DecouplingMatrices& decoupling,
          const ObserverOutput& output, const std::optional<FrequencyBand>& band,
          const ObserverSearchOptions& options)
-      : model_(model),
-        decoupling_(decoupling),
-        output_(output),
-        band_(band),
-        options_(options) {}
+      : model_(model), decoupling_(decoupling), output_(output), band_(band), options_(options) {}
 
   ObserverSearch run() {
     if (!band_) {
@@ -102,15 +98,14 @@ class Search {
   /// F_e as the error of the L∞ observer shows it; none if there is no such observer.
   void set_response(double alpha) {
     response_.resize(0, 0);
-    const ObserverSynthesis observer = synthesise_observer(
-        model_, decoupling_, output_, alpha, std::nullopt, {}, options_.weight);
+    const ObserverSynthesis observer =
+        synthesise_observer(model_, decoupling_, output_, alpha, std::nullopt, {}, options_.weight);
     if (observer.status != SynthesisStatus::kSolved) return;
     const ErrorDynamics dynamics = error_dynamics(model_, decoupling_, observer.gain);
     Eigen::MatrixXcd resolvent = -dynamics.N.cast<std::complex<double>>();
     resolvent.diagonal().array() += std::polar(1.0, 0.5 * (band_->low_rad + band_->high_rad));
-    Eigen::MatrixXcd response =
-        Eigen::PartialPivLU<Eigen::MatrixXcd>(resolvent).solve(
-            dynamics.F_e.cast<std::complex<double>>());
+    Eigen::MatrixXcd response = Eigen::PartialPivLU<Eigen::MatrixXcd>(resolvent).solve(
+        dynamics.F_e.cast<std::complex<double>>());
     for (Eigen::Index j = 0; j < response.cols(); ++j) {
       const std::complex<double> square = response.col(j).cwiseProduct(response.col(j)).sum();
       response.col(j) *= std::polar(1.0, -0.5 * std::arg(square));
@@ -148,8 +143,8 @@ class Search {
         Solved solved = attempt(next);
         // Without a start anything solved is progress, and one step further may be the first.
         const bool is_better = objective_of(solved) < objective_of(best);
-        if (!is_better && (best || next.v / start.v > step * step ||
-                           start.v / next.v > step * step)) {
+        if (!is_better &&
+            (best || next.v / start.v > step * step || start.v / next.v > step * step)) {
           break;
         }
         keep_if_best(solved);
@@ -189,8 +184,9 @@ ObserverSearch search_observer(const ObserverModel& model, const DecouplingMatri
     throw std::invalid_argument("observer search: no alpha or no a_0; expected at least one each");
   }
   if (!(options.smallest_v > 0.0 && options.largest_v >= options.smallest_v)) {
-    throw std::invalid_argument(fmt::format("observer search: v from {} to {}; expected 0 < from <= to",
-                                            options.smallest_v, options.largest_v));
+    throw std::invalid_argument(
+        fmt::format("observer search: v from {} to {}; expected 0 < from <= to", options.smallest_v,
+                    options.largest_v));
   }
   return Search(model, decoupling, output, band, options).run();
 }

@@ -50,8 +50,8 @@ struct ObserverAttempt {
 struct ObserverCandidate {
   ObserverMultipliers multipliers;
   ObserverSynthesis design;  ///< as synthesised
-  /// The same gain and weight with the smallest J_th at its α; `design`'s own bound where that could
-  /// not be computed.
+  /// The same gain and weight with the smallest J_th at its α; `design`'s own bound where that
+  /// could not be computed.
   ObserverSynthesis bound;
 };
 
@@ -62,12 +62,12 @@ struct ObserverSearch {
 
 /// Searches the multipliers of H-/L∞ synthesis for small J_th/β. It has, over log v, one minimum by
 /// experience, flat enough for steps of √3: descent along v for every α and a_0, from where
-/// the last one ended; both directions are tried first at one α and a_0, and the better one is kept.
-/// Which candidate is best the caller decides: the smallest fault that is found by the bounds it
-/// uses is another measure.
+/// the last one ended; both directions are tried first at one α and a_0, and the better one is
+/// kept. Which candidate is best the caller decides: the smallest fault that is found by the bounds
+/// it uses is another measure.
 /// @param band absent: L∞ only, one attempt per α
-/// @throws std::invalid_argument as synthesise_observer does; if a list is empty or the range of v is
-/// Cost: some 60 programs for the default lists.
+/// @throws std::invalid_argument as synthesise_observer does; if a list is empty or the range of v
+/// is Cost: some 60 programs for the default lists.
 [[nodiscard]] ObserverSearch search_observer(const ObserverModel& model,
                                              const DecouplingMatrices& decoupling,
                                              const ObserverOutput& output,
