@@ -51,10 +51,12 @@ enum class LmiStatus {
 
 struct LmiOptions {
   /// E_b <= -strictness·I is asked of the solver, in coordinates in which the largest entries of
-  /// every row are about one. The solver must leave less of its equations, relative to the data,
-  /// and 1e-10 is more than it can often do. Raised up to a hundredfold where 1e-9 is, too. Changes
-  /// optima behind their fourth digit.
-  double strictness = 1e-9;
+  /// every row are about one. Must make up for the residual; changes optima behind their fourth
+  /// digit.
+  double strictness = 1e-8;
+  /// What the solver may leave of its equations, relative to the data; less than 1e-9 is often more
+  /// than it can do. Where x violates the inequalities for it, both are raised tenfold, twice.
+  double residual = 1e-9;
   /// |f - lower bound| / max(|f|, |bound|) at most of a solution. A wider gap costs optimality, not
   /// validity: what is returned satisfies the inequalities.
   double largest_gap = 1e-2;

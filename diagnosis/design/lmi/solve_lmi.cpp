@@ -83,7 +83,7 @@ class Judge {
       : problem_(problem), options_(options), scaled_(problem, options) {}
 
   [[nodiscard]] SolverAnswer ask() const {
-    return faultline::solve(scaled_.program(), options_.strictness);
+    return faultline::solve(scaled_.program(), options_.residual);
   }
 
   /// The solver proved nothing, and its x violates the inequalities.
@@ -140,7 +140,7 @@ class Judge {
   /// The solver found no solution: is there a feasible point at all?
   LmiSolution by_feasibility(const SolverAnswer& first) {
     const SemidefiniteProgram program = scaled_.feasibility_program();
-    const SolverAnswer answer = faultline::solve(program, options_.strictness);
+    const SolverAnswer answer = faultline::solve(program, options_.residual);
     if (answer.outcome == SolverOutcome::kTooLarge || !answer.x.allFinite())
       return undecided(first);
     const auto k = scaled_.program().c.size();
@@ -213,6 +213,7 @@ LmiSolution solve(const LmiProblem& problem, const LmiOptions& options) {
     const bool is_last = raise == kStrictnessRaises;
     if (is_last || !judge.is_worth_a_retry(answer)) return judge.judge(answer);
     stricter.strictness *= 10.0;
+    stricter.residual *= 10.0;
   }
 }
 

@@ -20,6 +20,9 @@ constexpr int kScalingPoints = 400;
 /// β² in units of the grid's is sought below this. The exact one is at most 1.
 constexpr double kLargestIndex = 4.0;
 
+/// What the answer may give away for the inequality to be strict: a tenth of what synthesis may.
+constexpr double kStrictness = 1e-9;
+
 /// From m to Ω r at constant Λ: r = C (zI - A)⁻¹ B m + D m.
 struct FaultTransfer {
   MatrixXd A, B, C, D;
@@ -93,7 +96,7 @@ std::optional<double> exact_index(const FaultTransfer& transfer, const BandForm&
   problem.require_negative("largest index",
                            b - AffineMatrix(MatrixXd::Constant(1, 1, kLargestIndex)));
   problem.minimise(-b);
-  const LmiSolution solution = solve(problem);
+  const LmiSolution solution = solve(problem, {.strictness = kStrictness});
   if (!solution.is_solved()) return std::nullopt;
   return std::max(0.0, solution.value(b)(0, 0));
 }
