@@ -219,9 +219,9 @@ void print_bank(std::FILE* out, const Bank& bank) {
       "\n  method {}, {} domain, {} residuals, isolates up to {} fault{} at a time, one step "
       "every {:g} s\n  fires above its threshold for {} samples; a verdict needs its "
       "signature to stand for {};\n  a fault's size is estimated from {} samples\n",
-      bank.method, bank.domain == DesignDomain::kSampled ? "sampled" : "continuous",
-      bank.filters.size(), bank.concurrent, bank.concurrent == 1 ? "" : "s", bank.sample_time_s,
-      bank.decision.dwell, bank.decision.settle, bank.decision.window);
+      bank.method, domain_name(bank.domain), bank.filters.size(), bank.concurrent,
+      bank.concurrent == 1 ? "" : "s", bank.sample_time_s, bank.decision.dwell,
+      bank.decision.settle, bank.decision.window);
   print_structure(out, bank);
   print_faults(out, bank);
   print_isolability(out, bank);

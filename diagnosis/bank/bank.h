@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
@@ -29,6 +30,9 @@ enum class DesignDomain {
 [[nodiscard]] constexpr bool is_sampled(DesignDomain domain) noexcept {
   return domain != DesignDomain::kContinuous;
 }
+
+/// "continuous", "sampled", "euler": as in bank files.
+[[nodiscard]] std::string_view domain_name(DesignDomain domain) noexcept;
 
 /// The rank decisions behind a filter: how far they are from flipping. Pivots of orthogonal
 /// decompositions in balanced coordinates, relative to the data's scale.
@@ -95,8 +99,8 @@ enum class Evaluation {
 /// last one holds for all later ones.
 struct ThresholdCourse {
   Eigen::MatrixXd weight;     ///< Ω, rows×rows
-  Eigen::VectorXd norm;       ///< J(k): the quadratic threshold
-  Eigen::MatrixXd component;  ///< r̄(k), samples×rows: the componentwise one
+  Eigen::VectorXd norm;       ///< J(k): the quadratic threshold; > 0, at least one
+  Eigen::MatrixXd component;  ///< r̄(k), samples×rows: the componentwise one; > 0, as many
 };
 
 /// Its residual is an estimate of the size of a fault: of a constant one, `settle_samples` after it
@@ -132,7 +136,7 @@ struct ObserverCertificate {
   Eigen::MatrixXd T;            ///< (n + fault states)×q
   Eigen::MatrixXd gain;         ///< Γ, (n + fault states)×q
   double alpha = 0.0;           ///< α
-  Eigen::MatrixXd P;
+  Eigen::MatrixXd P;            ///< symmetric, to the bit
   Eigen::VectorXd mu_now, mu_next, mu_direct;  ///< per entry of w; zero where it does not enter
   /// Smallest gain ‖Ω r‖₂ / ‖m‖₂ of the `detects` over the band, with Λ constant; 0: none was asked
   /// for.
@@ -169,15 +173,15 @@ struct ResidualFilter {
   std::vector<std::size_t> ignores;  ///< indices of the faults it is decoupled from
   std::vector<Sensitivity> sees;     ///< per fault: this residual's row of the structure matrix
   Eigen::MatrixXd F, E, G, M, H, K;
-  Eigen::MatrixXd L, J;              ///< d×k, rows×k: per fault, in its unit
-  double threshold = 0.0;            ///< τ: it fires when its evaluation is > τ; of an observer
-                                     ///< the one that holds in the end
+  Eigen::MatrixXd L, J;    ///< d×k, rows×k: per fault, in its unit
+  double threshold = 0.0;  ///< τ: it fires when its evaluation is > τ; with a course the
+                           ///< one that holds in the end: the last J(k), or 1
   std::uint32_t forget_samples = 0;  ///< samples a bad sample contaminates it for
-  /// A constant fault that it sees only in transients makes it fire for so long at most: what fires
-  /// longer is not explained by such a fault. 0: not known.
+  /// A constant fault that it sees only in transients makes it fire for so many samples at most:
+  /// what fires longer is not explained by such a fault. 0: not known, or there is no such fault.
   std::uint32_t transient_samples = 0;
   std::vector<FilterNonlinearity> nonlinearities{};
-  Evaluation evaluation = Evaluation::kNorm;
+  Evaluation evaluation = Evaluation::kNorm;    ///< kComponent: only with a course
   std::optional<ThresholdCourse> course{};      ///< absent: τ at all times
   std::optional<FaultEstimation> estimation{};  ///< if its residual is an estimate
   std::optional<ObserverCertificate> observer{};

@@ -24,18 +24,6 @@ std::vector<std::string> sensitivity_names(const std::vector<Sensitivity>& sees)
   return names;
 }
 
-std::string_view domain_name(DesignDomain domain) {
-  switch (domain) {
-    case DesignDomain::kSampled:
-      return "sampled";
-    case DesignDomain::kEuler:
-      return "euler";
-    case DesignDomain::kContinuous:
-      break;
-  }
-  return "continuous";
-}
-
 std::string disturbances_text(const std::vector<BankDisturbance>& disturbances) {
   using Treatment = BankDisturbance::Treatment;
   std::vector<std::string> items;

@@ -8,13 +8,17 @@ namespace {
 
 constexpr std::size_t kBitsPerWord = 64;
 
-// Per column: does it hold anything but zeros, in either matrix?
-std::vector<std::uint8_t> used_columns(const Eigen::MatrixXd& state,
-                                       const Eigen::MatrixXd& residual) {
+// Per channel: does it enter the state equation, the residual or a Lipschitz term?
+std::vector<std::uint8_t> used_channels(const Eigen::MatrixXd& state,
+                                        const Eigen::MatrixXd& residual,
+                                        const std::vector<FilterNonlinearity>& terms,
+                                        Eigen::VectorXd FilterNonlinearity::*a) {
   std::vector<std::uint8_t> used(static_cast<std::size_t>(residual.cols()));
   for (Eigen::Index j = 0; j < residual.cols(); ++j) {
     const bool is_used =
-        (state.col(j).array() != 0.0).any() || (residual.col(j).array() != 0.0).any();
+        (state.col(j).array() != 0.0).any() || (residual.col(j).array() != 0.0).any() ||
+        std::any_of(terms.begin(), terms.end(),
+                    [&](const FilterNonlinearity& term) { return (term.*a)[j] != 0.0; });
     used[static_cast<std::size_t>(j)] = is_used ? 1 : 0;
   }
   return used;
@@ -45,8 +49,10 @@ Evaluator::Evaluator(const Bank& bank)
     forget_samples_.push_back(filter.forget_samples);
     transient_samples_.push_back(filter.transient_samples);
     has_course_.push_back(filter.course ? 1 : 0);
-    uses_y_.push_back(used_columns(filter.E, filter.H));
-    uses_u_.push_back(used_columns(filter.G, filter.K));
+    uses_y_.push_back(
+        used_channels(filter.E, filter.H, filter.nonlinearities, &FilterNonlinearity::a_y));
+    uses_u_.push_back(
+        used_channels(filter.G, filter.K, filter.nonlinearities, &FilterNonlinearity::a_u));
   }
 }
 

@@ -103,7 +103,8 @@ struct ResidualBank::State {
   std::vector<double> row_thresholds;  // per row of `residual`
   std::vector<PlacedTerm> terms;       // in the order of the lanes, then of the filter's file
   std::vector<PlacedCourse> courses;
-  std::size_t k = 0;  // of the next sample
+  bool has_observers = false;  // terms or courses: one question where there are none
+  std::size_t k = 0;           // of the next sample; counts for courses
 
   [[nodiscard]] std::size_t channel_count() const { return output_count + input_count; }
 
@@ -112,6 +113,7 @@ struct ResidualBank::State {
                 bool is_state_equation);
   void add_course(const ResidualFilter& filter, const Destination& destination);
   void step_block(const Block& block) noexcept;
+  void step_observers() noexcept;
   void add_terms() noexcept;
   void set_thresholds() noexcept;
   void deliver(const Block& block, const Destination* destination) noexcept;
@@ -184,6 +186,17 @@ void ResidualBank::State::step_block(const Block& block) noexcept {
     v_next[block.first_state + i] =
         row_product(coefficient, v_k, block.order, sample.data(), sample.size());
   }
+}
+
+// What observers need beyond the linear part of the step.
+void ResidualBank::State::step_observers() noexcept {
+  add_terms();
+  set_thresholds();
+  for (const PlacedCourse& placed : courses) {
+    evaluation[placed.filter] = placed.course.evaluate(
+        std::span<const double>(residual).subspan(placed.first_row, placed.rows), k);
+  }
+  ++k;
 }
 
 // To v_next, which holds the linear part.
@@ -263,6 +276,7 @@ ResidualBank::ResidualBank(const Bank& bank) : state_(std::make_unique<State>())
     state.add_block(bank, std::span(by_order).subspan(i, std::min(kLanes, by_order.size() - i)));
   }
   state.v_next.resize(state.v.size());
+  state.has_observers = !state.terms.empty() || !state.courses.empty();
   state.set_thresholds();
 }
 
@@ -285,14 +299,8 @@ void ResidualBank::step(std::span<const double> y, std::span<const double> u) no
     state.deliver(block, destination);
     destination += block.filter_count;
   }
-  state.add_terms();
-  state.set_thresholds();
-  for (const PlacedCourse& placed : state.courses) {
-    state.evaluation[placed.filter] = placed.course.evaluate(
-        std::span<const double>(state.residual).subspan(placed.first_row, placed.rows), state.k);
-  }
+  if (state.has_observers) state.step_observers();
   state.v.swap(state.v_next);
-  ++state.k;
 }
 
 void ResidualBank::reset() noexcept {

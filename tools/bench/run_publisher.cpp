@@ -34,17 +34,6 @@ std::int64_t signed_command_cycle(std::uint32_t command_cycle) {
   return command_cycle == kNoCommand ? -1 : static_cast<std::int64_t>(command_cycle);
 }
 
-// Per output: the step between values that its signal can carry; 0 for a float.
-std::vector<double> output_resolution(const DiagnosisInputs& inputs) {
-  std::vector<double> resolution(inputs.bank.output_names.size());
-  for (const MappedMessage& message : inputs.map.sensor_messages) {
-    for (const MappedSignal& signal : message.channels) {
-      resolution[signal.channel] = std::abs(signal.scale) * signal.codec.resolution();
-    }
-  }
-  return resolution;
-}
-
 /// A byte per channel; more than a byte holds is 255.
 void copy_ages(const std::vector<std::uint32_t>& ages, std::vector<std::uint8_t>& out) {
   constexpr std::uint32_t kMost = 255;
@@ -116,8 +105,7 @@ RunPublisher::RunPublisher(const DiagnosisInputs& inputs,
       messages_(std::make_unique<Messages>()),
       cycles_per_second_(static_cast<std::uint32_t>(
           std::clamp(std::round(1.0 / inputs.bank.sample_time_s), 1.0, kMaxCyclesPerSecond))),
-      estimator_(inputs.bank, output_resolution(inputs)),
-      estimating_filters_(inputs.bank) {
+      estimator_(inputs) {
   residual_t& residual = messages_->residual;
   sample_t& sample = messages_->sample;
   sample.output_count = static_cast<std::int32_t>(inputs.bank.output_names.size());
@@ -226,24 +214,21 @@ const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
   residual.fired = record.fired;
   publish(messages_->on_residual, residual);
 
-  follow_samples(record);
-  follow_inhibition(record, utime);
   const bool is_isolated = record.decision.verdict == Verdict::kIsolated;
-  if (is_first_record_ || !is_same_verdict(record.decision, last_decision_)) {
-    is_estimate_pending_ = is_isolated;
-    estimate_.onset_cycle = record.onset.cycle;
-  }
+  const std::span<const std::size_t> isolated =
+      is_isolated ? std::span<const std::size_t>(fault_sets_[record.decision.sets[0]])
+                  : std::span<const std::size_t>();
+  estimator_.push(record, isolated);
+  follow_inhibition(record, utime);
   const bool is_diagnosis_due = is_first_record_ || record.decision != last_decision_ ||
                                 is_blame_new_ || record.cycle % cycles_per_second_ == 0;
-  const bool is_estimate_due =
-      is_isolated && (is_diagnosis_due || (is_estimate_pending_ && is_estimate_ready(record)));
   is_first_record_ = false;
   last_decision_ = record.decision;
   if (is_diagnosis_due) publish_diagnosis(record, utime);
-  if (!is_estimate_due) return nullptr;
-  estimate(record);
-  publish_estimate(record, utime);
-  return &estimate_;
+  if (!is_isolated || !(is_diagnosis_due || estimator_.is_first_due())) return nullptr;
+  const FaultEstimate& estimate = estimator_.estimate(record, isolated);
+  publish_estimate(estimate, record.cycle, utime);
+  return &estimate;
 }
 
 /// EVENTs when a message inhibits the diagnosis and when that is over; one for each time.
@@ -297,51 +282,13 @@ void RunPublisher::publish_diagnosis(const DiagnosisRecord& record, std::int64_t
   publish(messages_->on_diagnosis, diagnosis);
 }
 
-// A bad sample moves the filters' state, which the estimator takes for unknown anyway.
-void RunPublisher::follow_samples(const DiagnosisRecord& record) {
-  if ((record.flags & kBadSample) == 0) {
-    estimator_.push(record.cycle, record.residual);
-    estimating_filters_.push(record.cycle, record.fired, record.residual);
-  } else {
-    estimator_.restart();
-    estimating_filters_.restart();
-  }
-}
-
-// Of an isolated set.
-bool RunPublisher::is_estimate_ready(const DiagnosisRecord& record) const {
-  const std::vector<std::size_t>& set = fault_sets_[record.decision.sets[0]];
-  return estimating_filters_.can_estimate(set)
-             ? estimating_filters_.is_settled(set)
-             : estimator_.is_window_behind(record.onset.last_cycle);
-}
-
-void RunPublisher::estimate(const DiagnosisRecord& record) {
-  const std::vector<std::size_t>& set = fault_sets_[record.decision.sets[0]];
-  const bool is_observed = estimating_filters_.can_estimate(set);
-  estimate_.magnitudes = is_observed ? estimating_filters_.estimate(set)
-                                     : estimator_.estimate(set, record.onset.last_cycle);
-  if (!is_estimate_pending_ || !is_estimate_ready(record)) return;
-  is_estimate_pending_ = false;
-  if (!is_observed) refine_onset(record);
-}
-
-// Refined once: later magnitudes need not be those that made the residual cross. Where it has
-// cleared, a fault went, and the response to those that stay says nothing.
-void RunPublisher::refine_onset(const DiagnosisRecord& record) {
-  const std::int64_t filter = record.onset.filter;
-  if (filter == Onset::kNone || record.fired[static_cast<std::size_t>(filter)] == 0) return;
-  if (const auto delay = estimator_.response_delay(static_cast<std::size_t>(filter))) {
-    estimate_.onset_cycle = std::max<std::int64_t>(record.onset.cycle - *delay, 0);
-  }
-}
-
-void RunPublisher::publish_estimate(const DiagnosisRecord& record, std::int64_t utime) {
-  const MagnitudeEstimate& magnitudes = estimate_.magnitudes;
+void RunPublisher::publish_estimate(const FaultEstimate& estimate, std::uint32_t cycle,
+                                    std::int64_t utime) {
+  const MagnitudeEstimate& magnitudes = estimate.magnitudes;
   estimate_t& message = messages_->estimate;
   message.utime = utime;
-  message.cycle = record.cycle;
-  message.onset_cycle = estimate_.onset_cycle;
+  message.cycle = cycle;
+  message.onset_cycle = estimate.onset_cycle;
   message.reason = estimate_status_text(magnitudes.status);
   message.fault_count = static_cast<std::int32_t>(magnitudes.value.size());
   message.fault.clear();

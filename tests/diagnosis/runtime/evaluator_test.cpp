@@ -96,6 +96,26 @@ TEST(Evaluator, ContaminatesOnlyTheResidualsThatUseTheBadChannel) {
   EXPECT_EQ(evaluator.fired()[1], 1);
 }
 
+TEST(Evaluator, ContaminatesResidualsThatUseTheBadChannelInALipschitzTermAlone) {
+  Bank bank = two_residuals(1);
+  FilterNonlinearity term;
+  term.W = term.a_v = Eigen::VectorXd::Ones(1);
+  term.a_y = Eigen::VectorXd::Zero(2);
+  term.a_u = Eigen::VectorXd::Ones(1);
+  bank.filters[1].nonlinearities = {term};
+  Evaluator evaluator(bank);
+  evaluator.contaminate(std::array<std::uint8_t, 2>{1, 1}, std::array<std::uint8_t, 1>{0});
+  step(evaluator, 2.0, 2.0);
+  EXPECT_EQ(evaluator.signature()[0], 0u);
+  term.a_y = Eigen::Vector2d::UnitX();
+  term.a_u = Eigen::VectorXd::Zero(1);
+  bank.filters[1].nonlinearities = {term};
+  Evaluator other(bank);
+  other.contaminate(std::array<std::uint8_t, 2>{0, 1}, std::array<std::uint8_t, 1>{1});
+  step(other, 2.0, 2.0);
+  EXPECT_EQ(other.signature()[0], 0u);
+}
+
 TEST(Evaluator, StaysContaminatedForForgetSamplesAndCountsTheDwellFromThere) {
   Evaluator evaluator(two_residuals(2));
   evaluator.contaminate_all();

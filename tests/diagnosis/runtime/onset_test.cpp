@@ -154,6 +154,28 @@ TEST(OnsetTracker, TellsWhenAFaultWentThatHadBeenThere) {
   EXPECT_EQ(run.onset().cycle, 100);
 }
 
+TEST(OnsetTracker, GivesADecisionThatKnowsMoreOfAnAmbiguousOneItsOnset) {
+  // u1, u4 cancel in r23, or u2, u3 in r14, which fires in the end.
+  Sequence run;
+  run.run_to(49, "000000");
+  run.run_to(99, "110011");
+  EXPECT_EQ(run.verdict(), "ambiguous");
+  EXPECT_EQ(run.onset().cycle, 50);
+  run.run_to(150, "111011");
+  EXPECT_EQ(run.verdict(), "isolated 2 3");
+  EXPECT_EQ(run.onset().cycle, 50);
+  EXPECT_EQ(run.onset().last_cycle, 100);
+}
+
+TEST(OnsetTracker, GivesAFaultThatLeftAnAmbiguousPairItsOwnOnset) {
+  Sequence run;
+  run.run_to(49, "000000");
+  run.run_to(99, "110011");
+  run.run_to(150, "000111");
+  EXPECT_EQ(run.verdict(), "isolated 1");
+  EXPECT_EQ(run.onset().cycle, 100) << "another set than those of before";
+}
+
 TEST(OnsetTracker, HasNoneWhileInhibitedAndItsOldOneAfterwards) {
   Sequence run;
   run.run_to(49, "000000");

@@ -139,6 +139,26 @@ Bank with_courses(Bank bank) {
   return bank;
 }
 
+TEST_F(DiagnosisNodeTest, DoesNotAllocateWithObservers) {
+  const std::vector<CanFrame> frames = record_frames(inputs_, 1001);
+  Bank bank = with_courses(inputs_.bank);
+  for (ResidualFilter& filter : bank.filters) {
+    FilterNonlinearity term;
+    term.W = Eigen::VectorXd::Constant(filter.F.rows(), 1e-6);
+    term.a_v = Eigen::VectorXd::Ones(filter.F.rows());
+    term.a_y = Eigen::VectorXd::Ones(filter.H.cols());
+    term.a_u = Eigen::VectorXd::Ones(filter.K.cols());
+    filter.nonlinearities = {term};
+    filter.transient_samples = 10;
+  }
+  DiagnosisNode node(inputs_.map, bank, false);
+  const AllocationGuard guard;
+  for (const CanFrame& frame : frames) node.on_frame(frame, sink_);
+  node.finish(sink_);
+  EXPECT_EQ(guard.heap_calls(), 0U);
+  EXPECT_EQ(sink_.last.verdict, Verdict::kIsolated);
+}
+
 TEST_F(DiagnosisNodeTest, SpeaksAtOnceWhereThresholdsHoldFromTheFirstSample) {
   const std::vector<CanFrame> frames = record_frames(inputs_, 50);
   DiagnosisNode node(inputs_.map, with_courses(inputs_.bank), false);
