@@ -17,17 +17,16 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// The largest eigenvalue of a random 6x6 matrix, and beside it a bound that is not active: enough
-/// for the solver to have something to do.
-LmiProblem random_problem(std::uint64_t seed) {
+/// The largest eigenvalue of A + P, P > 1: A random, n×n.
+LmiProblem random_problem(std::uint64_t seed, Index n = 6) {
   RandomNumbers random(seed);
-  const MatrixXd half = random.normal(6, 6);
+  const MatrixXd half = random.normal(n, n);
   LmiProblem problem;
   const AffineMatrix t = problem.scalar();
-  const AffineMatrix P = problem.symmetric(6);
+  const AffineMatrix P = problem.symmetric(n);
   problem.require_negative("A + P < t", AffineMatrix(half + half.transpose()) + P -
-                                            multiple_of(MatrixXd::Identity(6, 6), t));
-  problem.require_positive("P > 1", P - AffineMatrix(MatrixXd::Identity(6, 6)));
+                                            multiple_of(MatrixXd::Identity(n, n), t));
+  problem.require_positive("P > 1", P - AffineMatrix(MatrixXd::Identity(n, n)));
   problem.minimise(t);
   return problem;
 }
@@ -83,18 +82,20 @@ TEST(CsdpSolver, PrintsNothingWhateverTheOutcome) {
 }
 
 TEST(CsdpSolver, GivesFourThreadsAtATimeTheAnswersOfOneAlone) {
-  constexpr std::uint64_t kProblems = 8;
+  // Of different sizes: without the lock the solver's static work array breaks here.
+  constexpr std::uint64_t kProblems = 12;
+  const auto size_of = [](std::uint64_t seed) { return 4 + static_cast<Index>(seed % 8); };
   std::vector<VectorXd> alone;
   for (std::uint64_t seed = 0; seed < kProblems; ++seed) {
-    alone.push_back(solve(random_problem(seed)).x);
+    alone.push_back(solve(random_problem(seed, size_of(seed))).x);
     ASSERT_GT(alone.back().size(), 0);
   }
   std::vector<std::vector<VectorXd>> together(4);
   std::vector<std::thread> threads;
   for (std::vector<VectorXd>& answers : together) {
-    threads.emplace_back([&answers] {
+    threads.emplace_back([&answers, &size_of] {
       for (std::uint64_t seed = 0; seed < kProblems; ++seed) {
-        answers.push_back(solve(random_problem(seed)).x);
+        answers.push_back(solve(random_problem(seed, size_of(seed))).x);
       }
     });
   }
