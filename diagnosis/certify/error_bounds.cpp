@@ -23,8 +23,11 @@ using Eigen::VectorXd;
 constexpr double kNegligible = 1e-15;
 // An observer that is summed over for longer forgets too slowly to be of use.
 constexpr Index kMostSamples = 200'000;
-// Rates of decay that are tried as bounds: powers of the spectral radius.
-constexpr std::array kRates = {0.95, 0.9, 0.8, 0.65, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02, 0.01};
+// Rates of decay that are tried as bounds: powers of the spectral radius; of dead-beat observers it
+// is nothing but rounding errors.
+constexpr std::array kRates = {0.8, 0.65, 0.5, 0.35, 0.2, 0.1, 0.05};
+constexpr double kSmallestRadius = 1e-3;
+constexpr Index kFirstResponses = 256;
 
 MatrixXd stacked(const MatrixXd& top, const MatrixXd& bottom) {
   MatrixXd both(top.rows() + bottom.rows(), top.cols());
@@ -54,23 +57,26 @@ std::optional<MatrixXd> absolute_sum(const MatrixXd& rows, const MatrixXd& N, co
 
 class ErrorBounds::Recursion {
  public:
-  explicit Recursion(const ErrorBounds& bounds) : bounds_(bounds) {}
+  Recursion(const ErrorBounds& bounds, Index samples)
+      : G_(bounds.G_),
+        terms_(bounds.loop_.terms()),
+        begin_(samples * terms_),
+        q_(VectorXd::Zero(begin_)) {}
 
   /// The next sample of the bounds, of all rows, from what they would be without Lipschitz terms.
   VectorXd next(VectorXd bound) {
-    const Index terms = bounds_.loop_.terms();
-    if (terms == 0) return bound;
-    const std::size_t count = std::min(q_.size(), bounds_.G_.size());
-    for (std::size_t j = 1; j <= count; ++j) {
-      bound.noalias() += bounds_.G_[j - 1] * q_[q_.size() - j];
-    }
-    q_.emplace_back(bound.tail(terms));
+    if (terms_ == 0) return bound;
+    const Index count = std::min(q_.size() - begin_, G_.cols());
+    bound.noalias() += G_.leftCols(count) * q_.segment(begin_, count);
+    begin_ -= terms_;
+    q_.segment(begin_, terms_) = bound.tail(terms_);
     return bound;
   }
 
  private:
-  const ErrorBounds& bounds_;
-  std::vector<VectorXd> q_;
+  const MatrixXd& G_;
+  Index terms_, begin_;
+  VectorXd q_;  // from begin_ on: q of the last sample, of the one before, ..
 };
 
 ErrorBounds::ErrorBounds(const ObserverLoop& loop)
@@ -103,25 +109,48 @@ ErrorBounds::ErrorBounds(const ObserverLoop& loop)
   }
   limit_ = limit->head(loop.R.rows());
 
-  if (loop.terms() == 0) return;
+  find_decays(radius);
+
+  const Index terms = loop.terms();
+  if (terms == 0) return;
   const double power = largest_power(loop.N);
   const double smallest = kNegligible * gains->maxCoeff();
   MatrixXd left = rows_;
-  while (std::ssize(G_) < kMostSamples && left.norm() * power * loop.S_E.norm() > smallest) {
-    G_.emplace_back((left * loop.S_E).cwiseAbs() * loop.radius.asDiagonal());
+  Index count = 0;
+  G_ = MatrixXd(rows_.rows(), kFirstResponses * terms);
+  while (count < kMostSamples && left.norm() * power * loop.S_E.norm() > smallest) {
+    if (G_.cols() == count * terms) G_.conservativeResize(Eigen::NoChange, 2 * G_.cols());
+    G_.middleCols(count * terms, terms) = (left * loop.S_E).cwiseAbs() * loop.radius.asDiagonal();
     left = (left * loop.N).eval();
+    ++count;
+  }
+  G_.conservativeResize(Eigen::NoChange, count * terms);
+}
+
+// With σ > 1 and σN stable, σ^k |R' e_k| <= f + W q: the same small gain for the weighted error,
+// f = Σ_k |R' (σN)^k ..| and W = Σ_k |R' (σN)^k σS_E| radius. So the bound falls like σ^-k.
+void ErrorBounds::find_decays(double radius) {
+  const Index n = loop_.n();
+  MatrixXd B(n, n + loop_.terms());
+  B << MatrixXd::Identity(n, n), loop_.S_E;
+  for (const double rate : kRates) {
+    const double sigma = std::pow(std::max(radius, kSmallestRadius), -rate);
+    const std::optional<MatrixXd> sums = absolute_sum(rows_, sigma * loop_.N, B);
+    if (!sums) continue;
+    Decay decay{sigma, sums->leftCols(n), sigma * sums->rightCols(loop_.terms())};
+    if (close(VectorXd::Zero(rows_.rows()), decay.gains)) decays_.push_back(std::move(decay));
   }
 }
 
 // b = direct + gains·diag(radius)·q, q the rows of E_i in b.
-std::optional<VectorXd> ErrorBounds::close(const MatrixXd& direct, const MatrixXd& gains) const {
+std::optional<VectorXd> ErrorBounds::close(const VectorXd& direct, const MatrixXd& gains) const {
   const Index terms = loop_.terms();
   if (terms == 0) return direct;
   const MatrixXd G = gains * loop_.radius.asDiagonal();
   const MatrixXd G_q = G.bottomRows(terms);
   if (!(spectral_radius(G_q) < 1.0)) return std::nullopt;
   const MatrixXd pencil = MatrixXd::Identity(terms, terms) - G_q;
-  const VectorXd q = pencil.partialPivLu().solve(direct.bottomRows(terms)).col(0);
+  const VectorXd q = pencil.partialPivLu().solve(direct.tail(terms));
   return VectorXd(direct + G * q);
 }
 
@@ -129,7 +158,7 @@ MatrixXd ErrorBounds::course(std::size_t samples) const {
   const auto count = static_cast<Index>(samples);
   const VectorXd& w = loop_.w_bound;
   MatrixXd course(count, loop_.R.rows());
-  Recursion recursion(*this);
+  Recursion recursion(*this, count);
   MatrixXd left = rows_;                                          // R' N^k
   MatrixXd before;                                                // R' N^(k-1)
   VectorXd settled = (Q_ + rows_ * loop_.B_next).cwiseAbs() * w;  // Σ_{j<k} |h_j| w̄
@@ -151,7 +180,7 @@ MatrixXd ErrorBounds::course(std::size_t samples) const {
 MatrixXd ErrorBounds::fading(const Start& start, std::size_t samples) const {
   const auto count = static_cast<Index>(samples);
   MatrixXd course(count, loop_.R.rows());
-  Recursion recursion(*this);
+  Recursion recursion(*this, count);
   MatrixXd left = rows_;
   for (Index k = 0; k < count; ++k) {
     const VectorXd direct = (left * start.directions).cwiseAbs() * start.size;
@@ -161,24 +190,16 @@ MatrixXd ErrorBounds::fading(const Start& start, std::size_t samples) const {
   return course;
 }
 
-// With σ > 1 and σN stable, σ^k |R' e_k| <= f + W q: the same small gain for the weighted error,
-// f = Σ_k |R' (σN)^k ..| and W = σ Σ_k |R' (σN)^k S_E|. So the bound falls like σ^-k.
 std::optional<std::size_t> ErrorBounds::horizon(const Start& start, const Measure& measure,
                                                 double part) const {
-  const double radius = std::max(spectral_radius(loop_.N), 1e-3);
+  const VectorXd error = start.directions.cwiseAbs() * start.size;
   std::optional<std::size_t> best;
-  for (const double rate : kRates) {
-    const double sigma = std::pow(radius, -rate);
-    const MatrixXd N = sigma * loop_.N;
-    const std::optional<MatrixXd> first = absolute_sum(rows_, N, start.directions);
-    const std::optional<MatrixXd> gains = absolute_sum(rows_, N, sigma * loop_.S_E);
-    if (!first || !gains) continue;
-    const std::optional<VectorXd> bound = close(*first * start.size, *gains);
-    if (!bound) continue;
+  for (const Decay& decay : decays_) {
+    const std::optional<VectorXd> bound = close(decay.first * error, decay.gains);
     const double at_start = measure(bound->head(loop_.R.rows()));
     if (!std::isfinite(at_start)) continue;
-    const double samples = std::max(0.0, std::ceil(std::log(at_start / part) / std::log(sigma)));
-    const auto count = static_cast<std::size_t>(std::min(samples, 1e15));
+    const double samples = std::ceil(std::log(at_start / part) / std::log(decay.sigma));
+    const auto count = static_cast<std::size_t>(std::clamp(samples, 0.0, 1e15));
     best = best ? std::min(*best, count) : count;
   }
   return best;

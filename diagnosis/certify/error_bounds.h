@@ -60,15 +60,22 @@ class ErrorBounds {
   // Closes the loop of the Lipschitz terms, sample by sample.
   class Recursion;
 
+  // Bounds that fall like σ^-k: Σ_k |R' (σN)^k| and Σ_k |R' (σN)^k σS_E|.
+  struct Decay {
+    double sigma = 1.0;
+    Eigen::MatrixXd first, gains;
+  };
+  void find_decays(double radius);
   [[nodiscard]] std::optional<std::size_t> horizon(const Start& start, const Measure& measure,
                                                    double part) const;
-  [[nodiscard]] std::optional<Eigen::VectorXd> close(const Eigen::MatrixXd& direct,
+  [[nodiscard]] std::optional<Eigen::VectorXd> close(const Eigen::VectorXd& direct,
                                                      const Eigen::MatrixXd& gains) const;
 
   const ObserverLoop& loop_;
-  Eigen::MatrixXd rows_, Q_;        // R', Q'
-  std::vector<Eigen::MatrixXd> G_;  // G_1, ..; what is left out is below rounding
+  Eigen::MatrixXd rows_, Q_;  // R', Q'
+  Eigen::MatrixXd G_;         // [G_1 G_2 ..]; what is left out is below rounding
   Eigen::VectorXd limit_;
+  std::vector<Decay> decays_;
 };
 
 }  // namespace faultline
