@@ -29,6 +29,9 @@ using Complex = std::complex<double>;
 // The start is over when what is left of it is as small as rounding errors of the limits.
 constexpr double kStartOver = 1e-12;
 constexpr std::size_t kLongestCourse = 20'000;
+// No threshold is below this part of its limit: where the start leaves nothing (an estimate begins
+// at zero), rounding errors do.
+constexpr double kRoundingPart = 1e-9;
 constexpr std::size_t kLongestFading = 100'000;
 // Faults up to so many times their size fade, or are estimated, within the times given.
 constexpr double kLargestFault = 10.0;
@@ -72,10 +75,11 @@ class Proof {
           "start-up takes more than {} samples, expected a faster observer", kLongestCourse));
     }
     const std::size_t end = std::max(*last, static_cast<std::size_t>(quadratic_last));
-    thresholds.component = bounds_.course(end + 1);
+    const Eigen::RowVectorXd limit = thresholds.component_limit.transpose();
+    const MatrixXd course = bounds_.course(end + 1);
+    thresholds.component = course.cwiseMax(kRoundingPart * limit.replicate(course.rows(), 1));
     const auto held = thresholds.component.rows() - 1;
-    thresholds.component.row(held) =
-        thresholds.component.row(held).cwiseMax(thresholds.component_limit.transpose());
+    thresholds.component.row(held) = thresholds.component.row(held).cwiseMax(limit);
     if (quadratic_) {
       thresholds.norm_limit = quadratic_->limit();
       thresholds.norm = VectorXd(static_cast<Index>(end) + 1);

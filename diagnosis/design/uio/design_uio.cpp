@@ -60,10 +60,8 @@ class UioDesign {
     const bool detects = add_detection(detect);
     const bool estimates = request_.uio.estimation.carry.empty() || add_estimation();
     if (progress_) progress_(total_, total_);
-    Structure structure;
-    for (const ResidualFilter& filter : result_.bank.filters) structure.push_back(filter.sees);
     result_.indistinguishable =
-        indistinguishable_sets(structure, plant_.faults.size(), request_.concurrent);
+        indistinguishable_sets(lasting_structure(), plant_.faults.size(), request_.concurrent);
     result_.are_signatures_distinct = result_.indistinguishable.empty();
     result_.is_solvable = detects && estimates;
     result_.bank.decision.window = request_.window.value_or(estimate_window(result_.bank.filters));
@@ -83,6 +81,17 @@ class UioDesign {
       done_ = std::min(done_ + 1, total_ - 1);  // how many there will be is a guess
       if (progress_) progress_(done_, total_);
     });
+  }
+
+  // What an observer sees in transients only has faded when its alarm is judged.
+  [[nodiscard]] Structure lasting_structure() const {
+    Structure structure;
+    for (const ResidualFilter& filter : result_.bank.filters) {
+      structure.push_back(filter.sees);
+      std::replace(structure.back().begin(), structure.back().end(), Sensitivity::kTransient,
+                   Sensitivity::kNone);
+    }
+    return structure;
   }
 
   bool add_detection(const std::vector<std::size_t>& detect) {
