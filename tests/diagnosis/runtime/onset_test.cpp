@@ -1,6 +1,7 @@
 #include "diagnosis/runtime/onset.h"
 
 #include <string>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -37,8 +38,8 @@ Bank hou_structure() {
 /// Evaluation, decision, settling and onset, one sample after the other.
 class Sequence {
  public:
-  explicit Sequence(std::uint32_t first_cycle = 0)
-      : bank_(hou_structure()),
+  explicit Sequence(std::uint32_t first_cycle = 0, Bank bank = hou_structure())
+      : bank_(std::move(bank)),
         evaluator_(bank_),
         table_(bank_),
         settling_(kSettle, 1),
@@ -53,9 +54,10 @@ class Sequence {
         evaluation.push_back(mark == '1' ? 2.0 : 0.5);
       }
       evaluator_.step(evaluation, std::vector<double>(evaluation.size(), 1.0));
-      const Decision decision = evaluator_.is_any_contaminated()
-                                    ? Decision{.verdict = Verdict::kInhibited}
-                                    : table_.decide(evaluator_.signature());
+      const Decision decision =
+          evaluator_.is_any_contaminated()
+              ? Decision{.verdict = Verdict::kInhibited}
+              : table_.decide(evaluator_.signature(), evaluator_.persistent());
       settling_.step(decision, evaluator_.signature());
       onset_ = tracker_.step(settling_, evaluator_, next_);
     } while (next_++ != last);
@@ -165,6 +167,24 @@ TEST(OnsetTracker, GivesADecisionThatKnowsMoreOfAnAmbiguousOneItsOnset) {
   EXPECT_EQ(run.verdict(), "isolated 2 3");
   EXPECT_EQ(run.onset().cycle, 50);
   EXPECT_EQ(run.onset().last_cycle, 100);
+}
+
+TEST(OnsetTracker, KeepsItsOnsetWhereNothingCrossedButAResidualBecamePersistent) {
+  Bank bank = hou_structure();
+  bank.concurrent = 1;
+  bank.fault_names = {"y1"};
+  bank.filters.resize(1);
+  bank.filters[0].sees = {Sensitivity::kTransient};
+  bank.filters[0].transient_samples = 5;
+  Sequence run(0, bank);
+  run.run_to(49, "0");
+  run.run_to(55, "1");
+  EXPECT_EQ(run.verdict(), "isolated 1");
+  EXPECT_EQ(run.onset().cycle, 50);
+  run.run_to(80, "1");
+  EXPECT_EQ(run.verdict(), "unexplained") << "y1 does not make it fire for so long";
+  EXPECT_EQ(run.onset().cycle, 50);
+  EXPECT_EQ(run.onset().last_cycle, 50);
 }
 
 TEST(OnsetTracker, GivesAFaultThatLeftAnAmbiguousPairItsOwnOnset) {
