@@ -25,8 +25,10 @@ double polynomial_slope(const std::vector<double>& coefficients, double s) noexc
 double continued_polynomial(const NonlinearFunction& function, double s) noexcept {
   const double inside = std::clamp(s, function.domain_min, function.domain_max);
   const double value = polynomial(function.coefficients, inside);
-  return s == inside ? value
-                     : value + polynomial_slope(function.coefficients, inside) * (s - inside);
+  if (s == inside) return value;
+  const double slope = polynomial_slope(function.coefficients, inside);
+  // A level tangent is level at infinity, too: 0·∞ would say otherwise.
+  return slope == 0.0 && !std::isnan(s) ? value : value + slope * (s - inside);
 }
 
 double table_value(const NonlinearFunction& function, double s) noexcept {

@@ -1,11 +1,11 @@
 #include "diagnosis/model/plant_file.h"
 
 #include <algorithm>
-#include <array>
 #include <iterator>
 
 #include <fmt/format.h>
 
+#include "diagnosis/model/nonlinearity_file.h"
 #include "diagnosis/model/toml_reader.h"
 
 namespace faultline {
@@ -14,9 +14,6 @@ namespace {
 // Largest |deviation| of a channel whose file names none: wide enough for anything scaled to be
 // handled at all; it only lengthens, by ln(100)/|pole|, how long a bad sample is distrusted.
 constexpr double kDefaultRange = 100.0;
-
-// Beyond it powers of s say nothing in double precision.
-constexpr std::size_t kMostCoefficients = 32;
 
 struct Channels {
   std::vector<std::string> names;
@@ -236,89 +233,6 @@ void read_noises(TomlTable& root, PlantModel& plant) {
   }
 }
 
-std::vector<double> read_numbers(TomlTable& table, std::string_view key, std::size_t at_least) {
-  const Eigen::VectorXd numbers = table.vector(key, -1);
-  if (static_cast<std::size_t>(numbers.size()) < at_least) {
-    throw table.error(
-        key, fmt::format("found {} numbers, expected at least {}", numbers.size(), at_least));
-  }
-  return {numbers.begin(), numbers.end()};
-}
-
-void read_polynomial(TomlTable& table, NonlinearFunction& function) {
-  function.coefficients = read_numbers(table, "coefficients", 1);
-  if (function.coefficients.size() > kMostCoefficients) {
-    throw table.error("coefficients",
-                      fmt::format("found {} numbers, expected at most {}: a table is better for "
-                                  "such a function",
-                                  function.coefficients.size(), kMostCoefficients));
-  }
-  const Eigen::VectorXd domain = table.vector("domain", 2);
-  if (domain[0] >= domain[1]) {
-    throw table.error("domain", fmt::format("found [{}, {}], expected [smallest, largest]",
-                                            domain[0], domain[1]));
-  }
-  function.domain_min = domain[0];
-  function.domain_max = domain[1];
-}
-
-void read_table(TomlTable& table, NonlinearFunction& function) {
-  function.at = read_numbers(table, "at", 2);
-  function.value = read_numbers(table, "value", 2);
-  if (function.value.size() != function.at.size()) {
-    throw table.error("value", fmt::format("found {} numbers, expected {}, one per number of `at`",
-                                           function.value.size(), function.at.size()));
-  }
-  const auto fall = std::adjacent_find(function.at.begin(), function.at.end(),
-                                       [](double a, double b) { return a >= b; });
-  if (fall != function.at.end()) {
-    throw table.error("at", fmt::format("found {} behind {}, expected increasing numbers",
-                                        *std::next(fall), *fall));
-  }
-}
-
-NonlinearFunction read_function(TomlTable& table) {
-  using enum FunctionKind;
-  constexpr std::array kKinds = {kSin,      kCos,        kTanh,       kAtan,
-                                 kDeadZone, kSaturation, kPolynomial, kTable};
-  NonlinearFunction function;
-  const std::string name = table.choice(
-      "function", {"sin", "cos", "tanh", "atan", "dead_zone", "saturation", "polynomial", "table"});
-  function.kind = *std::find_if(kKinds.begin(), kKinds.end(),
-                                [&](FunctionKind kind) { return function_name(kind) == name; });
-  if (function.kind == kDeadZone || function.kind == kSaturation) {
-    function.width = read_positive(table, "width");
-  } else if (function.kind == kPolynomial) {
-    read_polynomial(table, function);
-  } else if (function.kind == kTable) {
-    read_table(table, function);
-  }
-  return function;
-}
-
-void read_nonlinearities(TomlTable& root, PlantModel& plant) {
-  for (TomlTable& table : root.tables("nonlinearity")) {
-    Nonlinearity nonlinearity;
-    nonlinearity.function = read_function(table);
-    nonlinearity.gain = table.optional_number("gain").value_or(1.0);
-    nonlinearity.E_o = table.vector("E_o", plant.n());
-    nonlinearity.E_i = table.vector("E_i", plant.n());
-    const SlopeBounds own = slope_bounds(nonlinearity.function);
-    const Eigen::VectorXd slope =
-        table.optional_vector("slope", 2).value_or(Eigen::Vector2d(own.min, own.max));
-    if (slope[0] > own.min || slope[1] < own.max) {
-      throw table.error(
-          "slope", fmt::format("found [{}, {}], expected bounds of the slopes of \"{}\", which "
-                               "are {} to {}; without `slope` these are taken",
-                               slope[0], slope[1], function_name(nonlinearity.function.kind),
-                               own.min, own.max));
-    }
-    nonlinearity.slope_min = slope[0];
-    nonlinearity.slope_max = slope[1];
-    plant.nonlinearities.push_back(std::move(nonlinearity));
-  }
-}
-
 void read_operating_point(TomlTable& root, PlantModel& plant) {
   plant.x_operating = Eigen::VectorXd::Zero(plant.n());
   plant.u_operating = Eigen::VectorXd::Zero(plant.m());
@@ -343,7 +257,7 @@ PlantModel read_model(TomlTable root) {
   read_component_faults(root, plant);
   read_disturbances(root, plant);
   read_noises(root, plant);
-  read_nonlinearities(root, plant);
+  plant.nonlinearities = read_nonlinearities(root, plant.n());
   read_operating_point(root, plant);
   root.finish();
   return plant;
