@@ -60,6 +60,9 @@ struct LmiOptions {
   /// |f - lower bound| / max(|f|, |bound|) at most of a solution. A wider gap costs optimality, not
   /// validity: what is returned satisfies the inequalities.
   double largest_gap = 1e-2;
+  /// The solver's own tolerances are relative to 1 + objective; it sees this times it, after c is
+  /// scaled to ones. Raised where the objective turns out to be small.
+  double objective_factor = 1.0;
   /// False: the data as they are. For measuring what scaling is worth.
   bool scales = true;
 };

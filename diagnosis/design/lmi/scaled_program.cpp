@@ -29,7 +29,7 @@ ScaledProgram::ScaledProgram(const LmiProblem& problem, const LmiOptions& option
     add_block(inequality.E);
   }
   if (options.scales) equilibrate();
-  add_objective(problem.objective());
+  add_objective(problem.objective(), options.objective_factor);
 
   take_solvers_form();
 }
@@ -87,7 +87,7 @@ void ScaledProgram::equilibrate() {
   variable_scale_ = variable_scale_.unaryExpr(&power_of_two);
 }
 
-void ScaledProgram::add_objective(const AffineMatrix& objective) {
+void ScaledProgram::add_objective(const AffineMatrix& objective, double factor) {
   std::vector<bool> enters(static_cast<std::size_t>(variable_scale_.size()), false);
   for (const Entry& entry : program_.entries) {
     if (entry.variable >= 0) enters[static_cast<std::size_t>(entry.variable)] = true;
@@ -106,7 +106,7 @@ void ScaledProgram::add_objective(const AffineMatrix& objective) {
     }
   }
   const double largest = c.size() > 0 ? c.cwiseAbs().maxCoeff() : 0.0;
-  if (largest > 0.0) objective_scale_ = power_of_two(1.0 / largest);
+  if (largest > 0.0) objective_scale_ = power_of_two(factor / largest);
   for (Eigen::Index k = 0; k < c.size(); ++k) {
     if (enters[static_cast<std::size_t>(k)]) kept_.push_back(k);
   }

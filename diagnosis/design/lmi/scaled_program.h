@@ -38,7 +38,7 @@ class ScaledProgram {
 
   void add_block(const AffineMatrix& E);
   void equilibrate();
-  void add_objective(const AffineMatrix& objective);
+  void add_objective(const AffineMatrix& objective, double factor);
   void take_solvers_form();
 
   double strictness_ = 0.0;

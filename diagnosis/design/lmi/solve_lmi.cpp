@@ -17,8 +17,10 @@ constexpr double kRounding = 4.0 * std::numeric_limits<double>::epsilon();
 /// Size of the scaled variables up to which infeasibility must be proved: those of solutions are
 /// of 1 .. 1e4.
 constexpr double kProvedRadius = 1e6;
-/// Strictness is raised tenfold so often, as long as x violates the inequalities.
-constexpr int kStrictnessRaises = 2;
+/// Further attempts: with more strictness if x violates the inequalities, with a larger objective
+/// if the gap is wide.
+constexpr int kRetries = 2;
+constexpr double kLargestMagnification = 1e6;
 /// Gaps below this are the solver's accuracy (objtol), however small the objective itself.
 constexpr double kSolverGap = 1e-7;
 /// A ray, scaled so that the objective falls by one along it, may violate the inequalities by this
@@ -87,12 +89,18 @@ class Judge {
   }
 
   /// The solver proved nothing, and its x violates the inequalities.
-  [[nodiscard]] bool is_worth_a_retry(const SolverAnswer& answer) const {
-    const bool is_point = answer.outcome == SolverOutcome::kOptimal ||
-                          answer.outcome == SolverOutcome::kReducedAccuracy ||
-                          answer.outcome == SolverOutcome::kStuck;
-    return is_point &&
+  [[nodiscard]] bool is_violated(const SolverAnswer& answer) const {
+    return is_point(answer) &&
            !(answer.x.allFinite() && check_positive(scaled_.slacks(answer.x, false)).is_positive);
+  }
+
+  /// By what the objective should be multiplied for the solver to see its gap: it stops when that
+  /// is small beside 1 + objective, and this objective is small beside one. Else 1.
+  [[nodiscard]] double magnification(const SolverAnswer& answer) const {
+    if (!is_point(answer)) return 1.0;
+    const auto [gap, largest] = gap_of(answer);
+    if (!(gap > options_.largest_gap * largest) || largest >= 1.0) return 1.0;
+    return std::min(1.0 / largest, kLargestMagnification);
   }
 
   LmiSolution judge(const SolverAnswer& answer) {
@@ -112,16 +120,29 @@ class Judge {
   }
 
  private:
+  static bool is_point(const SolverAnswer& answer) {
+    return answer.outcome == SolverOutcome::kOptimal ||
+           answer.outcome == SolverOutcome::kReducedAccuracy ||
+           answer.outcome == SolverOutcome::kStuck;
+  }
+
+  struct Gap {
+    double gap, largest;
+  };
+  /// Between objective and bound, and the larger of them; as the solver sees them.
+  [[nodiscard]] Gap gap_of(const SolverAnswer& answer) const {
+    const double objective = scaled_.program().c.dot(answer.x);
+    return {std::abs(objective - answer.dual_objective),
+            std::max(std::abs(objective), std::abs(answer.dual_objective))};
+  }
+
   LmiSolution by_point(const SolverAnswer& answer) {
     LmiSolution solution;
     const BlockCheck check = answer.x.allFinite() ? check_positive(scaled_.slacks(answer.x, false))
                                                   : BlockCheck{false, NAN, 0};
     if (!check.is_positive) return by_feasibility(answer);
     if (scaled_.has_free_cost()) return unbounded();
-    const double objective = scaled_.program().c.dot(answer.x);
-    const double bound = answer.dual_objective;
-    const double gap = std::abs(objective - bound);
-    const double largest = std::max(std::abs(objective), std::abs(bound));
+    const auto [gap, largest] = gap_of(answer);
     if (!(gap <= std::max(options_.largest_gap * largest, kSolverGap))) {
       return inaccurate(fmt::format(
           "the solver stopped (code {}) at a point that satisfies all inequalities but is known to "
@@ -131,8 +152,8 @@ class Judge {
     }
     solution.status = LmiStatus::kSolved;
     solution.x = scaled_.unscaled(answer.x);
-    solution.objective = scaled_.unscaled_objective(objective);
-    solution.bound = scaled_.unscaled_objective(bound);
+    solution.objective = scaled_.unscaled_objective(scaled_.program().c.dot(answer.x));
+    solution.bound = scaled_.unscaled_objective(answer.dual_objective);
     solution.largest_eigenvalue = -check.smallest;
     return solution;
   }
@@ -206,14 +227,19 @@ class Judge {
 }  // namespace
 
 LmiSolution solve(const LmiProblem& problem, const LmiOptions& options) {
-  LmiOptions stricter = options;
-  for (int raise = 0;; ++raise) {
-    Judge judge(problem, stricter);
+  LmiOptions next = options;
+  for (int retry = 0;; ++retry) {
+    Judge judge(problem, next);
     const SolverAnswer answer = judge.ask();
-    const bool is_last = raise == kStrictnessRaises;
-    if (is_last || !judge.is_worth_a_retry(answer)) return judge.judge(answer);
-    stricter.strictness *= 10.0;
-    stricter.residual *= 10.0;
+    if (retry == kRetries) return judge.judge(answer);
+    if (judge.is_violated(answer)) {
+      next.strictness *= 10.0;
+      next.residual *= 10.0;
+    } else if (const double factor = judge.magnification(answer); factor > 1.0) {
+      next.objective_factor *= factor;
+    } else {
+      return judge.judge(answer);
+    }
   }
 }
 

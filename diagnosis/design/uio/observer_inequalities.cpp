@@ -1,5 +1,6 @@
 #include "diagnosis/design/uio/observer_inequalities.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
@@ -23,6 +24,15 @@ Eigen::MatrixXd columns(const Eigen::MatrixXd& M, const std::vector<Eigen::Index
   return some;
 }
 
+/// Norm of the largest column of all; one if all are zero.
+double size_or_one(const std::vector<Eigen::MatrixXd>& matrices) {
+  double size = 0.0;
+  for (const Eigen::MatrixXd& M : matrices) {
+    if (M.size() > 0) size = std::max(size, M.colwise().norm().maxCoeff());
+  }
+  return size > 0.0 ? size : 1.0;
+}
+
 /// A variable Hermitian matrix, or a symmetric one if the band's form is real.
 AffineMatrix form_variable(LmiProblem& problem, const BandForm& form, Eigen::Index n) {
   return form.is_complex() ? problem.hermitian(n) : problem.symmetric(n);
@@ -33,12 +43,16 @@ AffineMatrix form_variable(LmiProblem& problem, const BandForm& form, Eigen::Ind
 ErrorData::ErrorData(const ObserverModel& observer_model, const DecouplingMatrices& matrices,
                      const ObserverOutput& observer_output)
     : model(observer_model), decoupling(matrices), output(observer_output) {
-  Eigen::MatrixXd SM = decoupling.S * model.M * model.w_bound.asDiagonal();
-  const Eigen::MatrixXd W = model.W * model.w_bound.asDiagonal();
+  Eigen::MatrixXd SM = decoupling.S * model.M;
+  w_size = size_or_one({SM * model.w_bound.asDiagonal(), model.W * model.w_bound.asDiagonal(),
+                        output.Q * model.w_bound.asDiagonal()});
+  w_unit = model.w_bound / w_size;
+  SM = SM * w_unit.asDiagonal();
+  const Eigen::MatrixXd W = model.W * w_unit.asDiagonal();
   const Eigen::MatrixXd TW = decoupling.T * W;
-  const Eigen::MatrixXd Q = output.Q * model.w_bound.asDiagonal();
+  const Eigen::MatrixXd Q = output.Q * w_unit.asDiagonal();
   for (Eigen::Index j = 0; j < W.cols(); ++j) {
-    const double M_size = decoupling.S.norm() * model.M.col(j).norm() * model.w_bound[j];
+    const double M_size = decoupling.S.norm() * model.M.col(j).norm() * w_unit[j];
     if (SM.col(j).norm() <= kZeroColumn * M_size) SM.col(j).setZero();
     if (!SM.col(j).isZero(0.0) || !W.col(j).isZero(0.0)) now.push_back(j);
     if (TW.col(j).norm() > kZeroColumn * decoupling.T.norm() * W.col(j).norm()) next.push_back(j);
@@ -48,6 +62,11 @@ ErrorData::ErrorData(const ObserverModel& observer_model, const DecouplingMatric
   W_now = columns(W, now);
   TW_next = columns(TW, next);
   Q_direct = columns(Q, direct);
+  SF_x = decoupling.S * model.F_x;
+  fault_size = size_or_one({SF_x, model.F_y, output.J});
+  SF_x /= fault_size;
+  F_y = model.F_y / fault_size;
+  J = output.J / fault_size;
   for (Eigen::Index v = 0; v < model.vertex_count(); ++v) {
     bool is_repeated = false;  // one without this bit is the same
     for (Eigen::Index i = 0; i < model.slope_radius.size(); ++i) {
@@ -140,9 +159,9 @@ void require_h_minus(LmiProblem& problem, const ErrorData& data, const AffineMat
   const Eigen::Index n = data.model.n();
   const Eigen::Index f = data.model.F_x.cols();
   const double a_0 = reference.a_0;
-  const Eigen::MatrixXd& V = reference.V;
+  const Eigen::MatrixXd V = reference.V / data.fault_size;
   const Eigen::MatrixXd& R = data.output.R;
-  const Eigen::MatrixXd& J = data.output.J;
+  const Eigen::MatrixXd& J = data.J;
 
   const AffineMatrix P_f = form_variable(problem, form, n);
   AffineMatrix Q(n, n);
@@ -151,7 +170,7 @@ void require_h_minus(LmiProblem& problem, const ErrorData& data, const AffineMat
     problem.require_positive("band multiplier", Q);
   }
   const AffineMatrix GN = G * (data.decoupling.S * data.model.A) - Y * data.model.C;
-  const AffineMatrix GF = G * (data.decoupling.S * data.model.F_x) - Y * data.model.F_y;
+  const AffineMatrix GF = G * data.SF_x - Y * data.F_y;
   const AffineMatrix RXR = R.transpose() * X * R;
   const AffineMatrix RXJ = R.transpose() * X * J;
   const AffineMatrix JXJ = J.transpose() * X * J;

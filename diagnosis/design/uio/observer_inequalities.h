@@ -11,9 +11,10 @@
 
 namespace faultline {
 
-/// Data of the error's inequalities, with w in units of its bounds (M diag(w̄), W diag(w̄)): the
-/// multipliers are then what they add to τ. Entries of w that do not enter at a place have no
-/// column there.
+/// Data of the error's inequalities, in units in which the solver's tolerances mean something: w in
+/// those of its bounds, w = w_unit w' (entries; |w'_j| <= w_size, one for all), so that the largest
+/// column of M, W, Q is one; faults m = m'/fault_size, so that of F_x, F_y, J is. Then
+/// τ = w_size² Σ μ'. Entries of w that do not enter at a place have no column there.
 struct ErrorData {
   ErrorData(const ObserverModel& model, const DecouplingMatrices& decoupling,
             const ObserverOutput& output);
@@ -25,6 +26,10 @@ struct ErrorData {
   Eigen::MatrixXd SM_now, W_now;                ///< S M, W of `now`
   Eigen::MatrixXd TW_next;                      ///< T W of `next`
   Eigen::MatrixXd Q_direct;
+  double w_size = 1.0;
+  Eigen::VectorXd w_unit;
+  double fault_size = 1.0;
+  Eigen::MatrixXd SF_x, F_y, J;
   std::vector<Eigen::MatrixXd> vertices;  ///< S Λ, each different one once
 };
 
@@ -34,7 +39,7 @@ struct BoundVariables {
 };
 [[nodiscard]] BoundVariables add_bound_variables(LmiProblem& problem, const ErrorData& data);
 
-/// τ = Σ μ (w in units of its bounds).
+/// Σ μ'.
 [[nodiscard]] AffineMatrix sum_of_multipliers(const BoundVariables& bound);
 
 /// (R): [R Q]ᵀ X [R Q] < diag(P, μ_direct).

@@ -82,7 +82,7 @@ TEST(CsdpSolver, PrintsNothingWhateverTheOutcome) {
 }
 
 TEST(CsdpSolver, GivesFourThreadsAtATimeTheAnswersOfOneAlone) {
-  // Of different sizes: without the lock the solver's static work array breaks here.
+  // Of different sizes, which the solver's static work array has to follow.
   constexpr std::uint64_t kProblems = 12;
   const auto size_of = [](std::uint64_t seed) { return 4 + static_cast<Index>(seed % 8); };
   std::vector<VectorXd> alone;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <set>
+#include <stdexcept>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,7 +14,9 @@ namespace {
 
 using Eigen::MatrixXd;
 
+/// @throws std::runtime_error if there is none
 const ObserverCandidate& best_of(const ObserverSearch& search) {
+  if (search.candidates.empty()) throw std::runtime_error("the search found no observer");
   return *std::min_element(search.candidates.begin(), search.candidates.end(),
                            [](const ObserverCandidate& a, const ObserverCandidate& b) {
                              return a.design.objective < b.design.objective;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <thread>
 
 #include <Eigen/Eigenvalues>
 #include <gmock/gmock.h>
@@ -91,6 +93,7 @@ void expect_bound_holds(const ObserverModel& model, const DecouplingMatrices& de
 
 /// β is no more than what the fault really does at constant Λ.
 void expect_sensitive(const ObserverOracle& oracle, const ObserverSynthesis& observer) {
+  ASSERT_EQ(observer.status, SynthesisStatus::kSolved) << observer.reason;
   const auto on_grid = h_minus_on_grid(oracle.model, oracle.decoupling, oracle.output,
                                        observer.gain, observer.weight, oracle.band, 1000);
   ASSERT_EQ(on_grid.size(), 2U);
@@ -220,6 +223,29 @@ TEST(ObserverSynthesis, DoesNotDependOnTheUnitsOfTheStates) {
   EXPECT_NEAR(observer.objective / expected, 1.0, 1e-3);
 }
 
+TEST(ObserverSynthesis, IsProportionalToBoundsAndFaultSizes) {
+  for (const char* name : {kDetection, kEstimator}) {
+    ObserverOracle oracle = observer_oracle(name);
+    std::optional<FrequencyBand> band;
+    if (name == kDetection) band = oracle.band;
+    const auto objective = [&] {
+      const ObserverSynthesis observer =
+          synthesise_observer(oracle.model, oracle.decoupling, oracle.output, oracle.alpha, band,
+                              oracle.reference, ResidualWeight::kScalar);
+      expect_bound_holds(oracle.model, oracle.decoupling, oracle.output, observer);
+      return observer.objective;
+    };
+    const double usual = objective();
+    oracle.model.w_bound *= 1e-4;
+    EXPECT_NEAR(objective() / usual, 1e-4, 1e-7) << name;
+    oracle.model.F_x *= 1e3;
+    oracle.reference.V *= 1e3;
+    if (band) {
+      EXPECT_NEAR(objective() / usual, 1e-7, 1e-10) << name;
+    }
+  }
+}
+
 TEST(ObserverSynthesis, TakesASensorFaultThroughItsDirectPart) {
   ObserverOracle oracle = observer_oracle(kDetection);
   oracle.decoupling = {MatrixXd::Zero(4, 3), MatrixXd::Identity(4, 4), MatrixXd(4, 0)};
@@ -240,11 +266,12 @@ TEST(ObserverSynthesis, AsksForSensitivityInTheBandAlone) {
   const ObserverOutput output = output_error(model);
   const ReferenceSystem reference{0.0, -3.0 * model.F_x};
   double full = 0.0;
-  for (const FrequencyBand band : {FrequencyBand{0.0, M_PI}, FrequencyBand{0.0, 0.5},
-                                   FrequencyBand{1.0, 1.5}, FrequencyBand{2.5, M_PI}}) {
+  for (const FrequencyBand band : {FrequencyBand{0.0, std::numbers::pi}, FrequencyBand{0.0, 0.5},
+                                   FrequencyBand{1.0, 1.5}, FrequencyBand{2.5, std::numbers::pi}}) {
     const ObserverSynthesis observer =
         synthesise_observer(model, none, output, 0.9, band, reference, ResidualWeight::kScalar);
     expect_bound_holds(model, none, output, observer);
+    ASSERT_EQ(observer.status, SynthesisStatus::kSolved);
     for (const double beta :
          h_minus_on_grid(model, none, output, observer.gain, observer.weight, band, 1000)) {
       EXPECT_GE(beta, observer.beta) << band.low_rad << " .. " << band.high_rad;
@@ -264,6 +291,24 @@ TEST(ObserverSynthesis, IsTheSameForAPairOfVerticesThatAreOne) {
   model.slope_radius = VectorXd{{model.slope_radius[0], 0.0}};
   const ObserverSynthesis observer = synthesise(oracle);
   EXPECT_EQ(observer.objective, expected);
+}
+
+TEST(ObserverSynthesis, GivesFourThreadsAtATimeTheGainsOfOneAlone) {
+  const ObserverOracle oracles[] = {observer_oracle(kDetection), observer_oracle(kCombined)};
+  const MatrixXd alone[] = {synthesise(oracles[0]).gain, synthesise(oracles[1]).gain};
+  std::vector<MatrixXd> together(8);
+  std::vector<std::thread> threads;
+  for (std::size_t i = 0; i < 4; ++i) {
+    threads.emplace_back([&, i] {
+      together[2 * i] = synthesise(oracles[i % 2]).gain;
+      together[2 * i + 1] = synthesise(oracles[1 - i % 2]).gain;
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(together[2 * i], alone[i % 2]);
+    EXPECT_EQ(together[2 * i + 1], alone[1 - i % 2]);
+  }
 }
 
 TEST(ObserverSynthesis, SaysThatAGainThatIsTooSlowForAlphaHasNoBound) {
