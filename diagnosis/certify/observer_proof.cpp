@@ -28,6 +28,9 @@ using Complex = std::complex<double>;
 
 // The start is over when what is left of it is as small as rounding errors of the limits.
 constexpr double kStartOver = 1e-12;
+// A row that nothing reaches in its first samples is zero but for rounding errors: those of terms
+// that are up to a thousand times larger stay far below this part of its limit.
+constexpr double kLeastThreshold = 1e-6;
 constexpr std::size_t kLongestCourse = 20'000;
 constexpr std::size_t kLongestFading = 100'000;
 // Faults up to so many times their size fade, or are estimated, within the times given.
@@ -73,6 +76,10 @@ class Proof {
     }
     const std::size_t end = std::max(*last, static_cast<std::size_t>(quadratic_last));
     thresholds.component = bounds_.course(end + 1);
+    for (Index k = 0; k < thresholds.component.rows(); ++k) {
+      thresholds.component.row(k) = thresholds.component.row(k).cwiseMax(
+          kLeastThreshold * thresholds.component_limit.transpose());
+    }
     const auto held = thresholds.component.rows() - 1;
     thresholds.component.row(held) =
         thresholds.component.row(held).cwiseMax(thresholds.component_limit.transpose());
