@@ -103,12 +103,15 @@ struct ThresholdCourse {
   Eigen::MatrixXd component;  ///< r̄(k), samples×rows: the componentwise one; > 0, as many
 };
 
-/// Its residual is an estimate of the size of a fault: of a constant one, `settle_samples` after it
-/// began, |r - m| <= bound.
+/// Its residual is an estimate of the size of a fault. Proved, with all noises, disturbances and
+/// slopes within their bounds: if no fault but this one acts, and it has been constant for
+/// `settle_samples` since it began, up to its size, then |r - m| <= bound (once the part of the
+/// start-up is over, in which the course of thresholds is above its last row). `bound` is the
+/// largest error without a fault and 5 % of that for what is left of the step.
 struct FaultEstimation {
   std::size_t fault = 0;
   double bound = 0.0;                ///< in the fault's unit
-  std::uint32_t settle_samples = 0;  ///< until a step is within 5 % and the bound
+  std::uint32_t settle_samples = 0;  ///< of a step of its size
 };
 
 /// An observer x̂_k = v_k + T (y_k - D u_k) of x_k = (state; sizes of the faults that it carries as
@@ -129,6 +132,8 @@ struct FaultEstimation {
 ///   [R Q]ᵀ ΩᵀΩ [R Q] <= diag(P, diag(μ_direct))
 ///
 /// hence ‖Ω r_k‖² <= J(k)² = α^k λ_max(P) ‖e_0‖² + (1 - α^k) Σ (μ_now + μ_next) w̄² + Σ μ_direct w̄².
+/// A filter that is evaluated row by row may do without P; then it has no J. Thresholds are those
+/// of the plant without a fault: drifts count as 0 in them, and |e_0| <= |S| x̄ + |T W| w̄.
 /// docs/decisions say where this differs from Ma, Gao, Guo (2024).
 struct ObserverCertificate {
   std::vector<std::size_t> fault_states;  ///< indices of the faults it carries as states
@@ -177,8 +182,10 @@ struct ResidualFilter {
   double threshold = 0.0;  ///< τ: it fires when its evaluation is > τ; with a course the
                            ///< one that holds in the end: the last J(k), or 1
   std::uint32_t forget_samples = 0;  ///< samples a bad sample contaminates it for
-  /// A constant fault that it sees only in transients makes it fire for so many samples at most:
-  /// what fires longer is not explained by such a fault. 0: not known, or there is no such fault.
+  /// A constant fault that it sees only in transients, up to 10 times its size, makes it fire for
+  /// so long at most: what fires longer is not explained by such a fault. Proved for observers:
+  /// from then on the fault adds at most 5 % of the threshold, so that to fire takes 95 % of it
+  /// from noise and disturbances. 0: not known, or there is no such fault.
   std::uint32_t transient_samples = 0;
   std::vector<FilterNonlinearity> nonlinearities{};
   Evaluation evaluation = Evaluation::kNorm;    ///< kComponent: only with a course

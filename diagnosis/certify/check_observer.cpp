@@ -154,7 +154,7 @@ class ObserverCheck {
 // Only an observer's bounds prove these.
 void check_plain(const ResidualFilter& filter, Findings findings) {
   const auto refuse = [&](bool is_claimed, const char* claim) {
-    if (is_claimed) findings.add(claim, "an observer's", "it is not an observer");
+    if (is_claimed) findings.add(claim, "an observer's", "no observer's");
   };
   refuse(!filter.nonlinearities.empty(), "Lipschitz terms");
   refuse(filter.course.has_value(), "thresholds from the first sample on");

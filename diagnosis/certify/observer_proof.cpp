@@ -28,14 +28,15 @@ using Complex = std::complex<double>;
 
 // The start is over when what is left of it is as small as rounding errors of the limits.
 constexpr double kStartOver = 1e-12;
+// A row that nothing reaches in its first samples is zero but for rounding errors: those of terms
+// that are up to a thousand times larger stay far below this part of its limit.
+constexpr double kLeastThreshold = 1e-6;
 constexpr std::size_t kLongestCourse = 20'000;
-// No threshold is below this part of its limit: where the start leaves nothing (an estimate begins
-// at zero), rounding errors do.
-constexpr double kRoundingPart = 1e-9;
 constexpr std::size_t kLongestFading = 100'000;
-// Faults up to so many times their size fade, or are estimated, within the times given.
+// Faults up to so many times their size fade within the times given.
 constexpr double kLargestFault = 10.0;
-// A step is over when 5 % are left; a bad sample is forgotten when 1 % of the threshold are.
+// A step is over when 5 % are left, of the threshold or of the largest error of an estimate; a bad
+// sample is forgotten when 1 % of the threshold are.
 constexpr double kStepOver = 0.05;
 constexpr double kForgotten = 0.01;
 // Numbers of samples may be rounded either way when their rule is met this closely.
@@ -75,11 +76,14 @@ class Proof {
           "start-up takes more than {} samples, expected a faster observer", kLongestCourse));
     }
     const std::size_t end = std::max(*last, static_cast<std::size_t>(quadratic_last));
-    const Eigen::RowVectorXd limit = thresholds.component_limit.transpose();
-    const MatrixXd course = bounds_.course(end + 1);
-    thresholds.component = course.cwiseMax(kRoundingPart * limit.replicate(course.rows(), 1));
+    thresholds.component = bounds_.course(end + 1);
+    for (Index k = 0; k < thresholds.component.rows(); ++k) {
+      thresholds.component.row(k) = thresholds.component.row(k).cwiseMax(
+          kLeastThreshold * thresholds.component_limit.transpose());
+    }
     const auto held = thresholds.component.rows() - 1;
-    thresholds.component.row(held) = thresholds.component.row(held).cwiseMax(limit);
+    thresholds.component.row(held) =
+        thresholds.component.row(held).cwiseMax(thresholds.component_limit.transpose());
     if (quadratic_) {
       thresholds.norm_limit = quadratic_->limit();
       thresholds.norm = VectorXd(static_cast<Index>(end) + 1);
@@ -111,10 +115,10 @@ class Proof {
     if (filter_.observer->beta != 0.0) proof.beta = beta();
     if (filter_.estimation) {
       const std::size_t fault = filter_.estimation->fault;
-      const double part = kStepOver * plant_.faults[fault].size;
+      const double part = kStepOver * bounds_.limit()[0];
       proof.estimation_bound = bounds_.limit()[0] + part;
       const std::optional<SampleCount> settle = count(
-          onset(fault), [](const VectorXd& rows) { return rows[0]; }, part);
+          onset(fault, 1.0), [](const VectorXd& rows) { return rows[0]; }, part);
       if (!settle) {
         throw std::invalid_argument(
             fmt::format("its estimate takes more than {} samples to settle, "
@@ -213,14 +217,14 @@ class Proof {
     return smallest;
   }
 
-  // What the onset of a fault leaves: the error less what it is in the end (with the slopes in the
-  // middle).
-  [[nodiscard]] ErrorBounds::Start onset(std::size_t fault) const {
+  // What the onset of a fault of so many times its size leaves: the error less what it is in the
+  // end (with the slopes in the middle).
+  [[nodiscard]] ErrorBounds::Start onset(std::size_t fault, double sizes) const {
     const auto column = static_cast<Index>(fault);
     const std::optional<Index> state = carried_state(fault);
     VectorXd error = state ? VectorXd(loop_.S.col(*state))
                            : VectorXd(loop_.F_next.col(column) - rest_error(column));
-    return {std::move(error), VectorXd::Constant(1, kLargestFault * plant_.faults[fault].size)};
+    return {std::move(error), VectorXd::Constant(1, sizes * plant_.faults[fault].size)};
   }
 
   // The state that is the size of this fault, if it is carried.
@@ -271,7 +275,8 @@ class Proof {
     for (std::size_t j = 0; j < plant_.faults.size(); ++j) {
       if (filter_.sees[j] != Sensitivity::kTransient) continue;
       if (!fades(j)) return {};
-      const std::optional<SampleCount> own = count(onset(j), part_of(*threshold_), kStepOver);
+      const std::optional<SampleCount> own =
+          count(onset(j, kLargestFault), part_of(*threshold_), kStepOver);
       if (!own) return {};
       // At least one: none would say that nothing is known.
       longest = {std::max({longest.value, own->value, 1u}),

@@ -39,8 +39,8 @@ struct ObserverProof {
 /// to the residual of the healthy plant: the error is linear in both for any one course of the
 /// slopes, so the bounds of ErrorBounds add up.
 ///
-/// - settle: from then on a fault that has been constant since its onset, up to 10 times its size,
-///   adds at most 5 % of its size to the error of its estimate; `bound` is that and the limit of r̄.
+/// - settle: from then on a fault that has been constant since its onset, up to its size, adds at
+///   most 5 % of the limit of r̄ to the error of its estimate; `bound` is 1.05 times that limit.
 /// - transient: from then on a constant fault seen in transients only, up to 10 times its size,
 /// adds
 ///   at most 5 % of the threshold: to fire later takes 95 % of the threshold from noise and

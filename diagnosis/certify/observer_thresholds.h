@@ -11,7 +11,8 @@ namespace faultline {
 /// the faults carried as states. Entry k holds for sample k after a start with v = 0, whatever the
 /// plant's state within its range; the last one for all later samples.
 ///
-///   component: |r_i(k)| <= r̄_i(k) by l1 norms and small gain (error_bounds.h)
+///   component: |r_i(k)| <= r̄_i(k) by l1 norms and small gain (error_bounds.h); at least 1e-6 of
+///              the limit, so that no row is divided by zero
 ///   norm:      ‖Ω r(k)‖ <= J(k) by the quadratic bound (ObserverCertificate)
 ///
 /// Both of a plant without a fault: carried faults stay 0, their drifts too.

@@ -193,6 +193,8 @@ Bank ObserverCase::bank() const {
     }
   }
   filter.sees = {Sensitivity::kSteady, is_carried ? Sensitivity::kTransient : Sensitivity::kSteady};
+  // Three outputs less two decoupled directions less one carried fault leave nothing at rest.
+  if (is_carried && !T.isZero(0.0)) filter.sees[0] = Sensitivity::kTransient;
   ObserverCertificate& claims = *filter.observer;
   if (is_carried) {
     claims.fault_states = {1};
