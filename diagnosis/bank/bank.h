@@ -229,6 +229,9 @@ struct IsolabilityCertificate {
 struct DecisionRule {
   std::uint32_t dwell = 3;    ///< samples a residual must exceed, and stay below, its threshold
   std::uint32_t settle = 3;   ///< samples a signature must stand before its verdict is announced
+  /// The same where residuals have only cleared since the last announcement and yet other faults
+  /// would be named: residuals that clear one after the other. 0: as `settle`.
+  std::uint32_t clearing = 0;
   std::uint32_t window = 50;  ///< samples from which the size of an isolated fault is estimated
 };
 

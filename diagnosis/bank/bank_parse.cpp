@@ -219,8 +219,11 @@ Bank read_tree(const JsonCursor& root) {
   bank.concurrent = at[12].count(1);
   refuse_large_decision_table(at[12], bank, at[16].elements().size());
   bank.disturbances = read_disturbances(at[13]);
-  const std::vector<JsonCursor> decision = at[14].members({"dwell", "settle", "window"});
-  bank.decision = {decision[0].count(1), decision[1].count(1), decision[2].count(1)};
+  const std::vector<JsonCursor> decision = at[14].members({"dwell", "settle", "window"}, {"clearing"});
+  bank.decision.dwell = decision[0].count(1);
+  bank.decision.settle = decision[1].count(1);
+  bank.decision.window = decision[2].count(1);
+  if (const auto clearing = at[14].member("clearing")) bank.decision.clearing = clearing->count(1);
   bank.isolability = read_isolability(at[15], bank);
   read_filters(at[16], bank);
   return bank;

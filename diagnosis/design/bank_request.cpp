@@ -77,6 +77,9 @@ void read_decision(TomlTable decision, BankRequest& request) {
   read_threshold(decision, request);
   request.decision.dwell = read_count(decision, "dwell", DecisionRule().dwell);
   request.decision.settle = read_count(decision, "settle", DecisionRule().settle);
+  if (decision.has("clearing")) {
+    request.decision.clearing = read_count(decision, "clearing", 1);
+  }
   if (decision.has("window")) {
     request.window = read_count(decision, "window", DecisionRule().window);
   }

@@ -194,8 +194,29 @@ Decision DecisionTable::decide(std::span<const std::uint64_t> signature,
   return explaining;
 }
 
-Settling::Settling(std::uint32_t settle, std::size_t signature_words)
-    : settle_(std::max<std::uint32_t>(settle, 1)), last_signature_(signature_words) {}
+Settling::Settling(const DecisionRule& rule, std::size_t signature_words)
+    : settle_(std::max<std::uint32_t>(rule.settle, 1)),
+      clearing_(std::max(settle_, rule.clearing)),
+      last_signature_(signature_words),
+      announced_signature_(signature_words) {}
+
+bool Settling::is_remainder(const Decision& decision,
+                            std::span<const std::uint64_t> signature) const noexcept {
+  if (decision.verdict == Verdict::kHealthy || announced_.set_count == 0 ||
+      announced_.verdict == Verdict::kHealthy) {
+    return false;
+  }
+  for (std::size_t w = 0; w < signature.size(); ++w) {
+    if ((signature[w] & ~announced_signature_[w]) != 0) return false;
+  }
+  const auto listed = [](const Decision& of) {
+    return std::span(of.sets).first(std::min<std::size_t>(of.set_count, Decision::kMaxListed));
+  };
+  const auto known = listed(announced_);
+  return std::none_of(listed(decision).begin(), listed(decision).end(), [&](std::uint32_t set) {
+    return std::find(known.begin(), known.end(), set) != known.end();
+  });
+}
 
 const Decision& Settling::step(const Decision& decision,
                                std::span<const std::uint64_t> signature) noexcept {
@@ -206,21 +227,25 @@ const Decision& Settling::step(const Decision& decision,
   }
   if (stood_for_ > 0 && decision == last_decision_ &&
       std::equal(signature.begin(), signature.end(), last_signature_.begin())) {
-    stood_for_ = std::min(stood_for_ + 1, settle_);
+    stood_for_ = std::min(stood_for_ + 1, clearing_);
   } else {
     std::copy(signature.begin(), signature.end(), last_signature_.begin());
     last_decision_ = decision;
     stood_for_ = 1;
   }
-  if (stood_for_ == settle_) {
+  has_settled_ = stood_for_ >= (is_remainder(decision, signature) ? clearing_ : settle_);
+  if (has_settled_) {
     announced_ = decision;
+    std::copy(signature.begin(), signature.end(), announced_signature_.begin());
   }
   return announced_;
 }
 
 void Settling::reset() noexcept {
   stood_for_ = 0;
+  has_settled_ = false;
   announced_ = Decision();
+  std::fill(announced_signature_.begin(), announced_signature_.end(), 0);
 }
 
 }  // namespace faultline

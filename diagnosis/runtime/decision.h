@@ -88,21 +88,32 @@ class DecisionTable {
 
 /// Announces a decision once it and its signature have stood for `settle` samples; keeps the last
 /// announced one until then. (What one signature says changes when a residual becomes persistent.)
-/// Inhibition is announced at once, and before the first decision. Real-time.
+/// Inhibition is announced at once, and before the first decision.
+///
+/// A fault does not turn into another one: where residuals have only cleared since the last
+/// announcement and none of its fault sets explains the rest, the rest must stand for `clearing`
+/// samples, in which slower residuals clear, too. Real-time.
 class Settling {
  public:
-  Settling(std::uint32_t settle, std::size_t signature_words);
+  Settling(const DecisionRule& rule, std::size_t signature_words);
   /// @return the announced decision after this sample.
   const Decision& step(const Decision& decision, std::span<const std::uint64_t> signature) noexcept;
   void reset() noexcept;
   [[nodiscard]] const Decision& announced() const noexcept { return announced_; }
   /// True if decision and signature of the last step have stood: they are what is announced.
-  [[nodiscard]] bool has_settled() const noexcept { return stood_for_ == settle_; }
+  [[nodiscard]] bool has_settled() const noexcept { return has_settled_; }
 
  private:
+  // Residuals have only cleared since the last announcement, and yet other faults explain them.
+  [[nodiscard]] bool is_remainder(const Decision& decision,
+                                  std::span<const std::uint64_t> signature) const noexcept;
+
   std::uint32_t settle_;
+  std::uint32_t clearing_;
   std::uint32_t stood_for_ = 0;
+  bool has_settled_ = false;
   std::vector<std::uint64_t> last_signature_;
+  std::vector<std::uint64_t> announced_signature_;
   Decision last_decision_;
   Decision announced_;
 };

@@ -44,7 +44,7 @@ DiagnosisNode::DiagnosisNode(const SignalMap& map, const Bank& bank, bool is_ini
       bank_(bank),
       evaluator_(bank),
       table_(bank),
-      settling_(bank.decision.settle, evaluator_.signature().size()),
+      settling_(bank.decision, evaluator_.signature().size()),
       onset_(evaluator_.signature().size()),
       record_(bank) {
   message_names_.reserve(map.message_count());

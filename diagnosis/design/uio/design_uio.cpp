@@ -64,7 +64,11 @@ class UioDesign {
         indistinguishable_sets(lasting_structure(), plant_.faults.size(), request_.concurrent);
     result_.are_signatures_distinct = result_.indistinguishable.empty();
     result_.is_solvable = detects && estimates;
-    result_.bank.decision.window = request_.window.value_or(estimate_window(result_.bank.filters));
+    DecisionRule& decision = result_.bank.decision;
+    decision.window = request_.window.value_or(estimate_window(result_.bank.filters));
+    // The detecting observer may forget a fault before the estimating one does: what is left then
+    // looks like the fault that is estimated.
+    if (decision.clearing == 0) decision.clearing = std::max(decision.settle, decision.window);
     return std::move(result_);
   }
 

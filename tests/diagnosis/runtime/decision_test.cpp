@@ -232,7 +232,7 @@ Decision decision_of(Verdict verdict) {
 }
 
 TEST(Settling, AnnouncesASignatureOnceItHasStood) {
-  Settling settling(3, 1);
+  Settling settling({.settle = 3}, 1);
   const std::array<std::uint64_t, 1> none = {0}, some = {5}, other = {7};
   EXPECT_EQ(settling.announced().verdict, Verdict::kInhibited);
   for (int k = 0; k < 3; ++k) {
@@ -249,7 +249,7 @@ TEST(Settling, AnnouncesASignatureOnceItHasStood) {
 }
 
 TEST(Settling, AnnouncesInhibitionAtOnceAndKeepsItUntilASignatureHasStood) {
-  Settling settling(2, 1);
+  Settling settling({.settle = 2}, 1);
   const std::array<std::uint64_t, 1> none = {0};
   settling.step(decision_of(Verdict::kHealthy), none);
   settling.step(decision_of(Verdict::kHealthy), none);
@@ -259,7 +259,7 @@ TEST(Settling, AnnouncesInhibitionAtOnceAndKeepsItUntilASignatureHasStood) {
 }
 
 TEST(Settling, AnnouncesAnotherDecisionOfTheSameSignatureOnceThatHasStood) {
-  Settling settling(3, 1);
+  Settling settling({.settle = 3}, 1);
   const std::array<std::uint64_t, 1> some = {3};
   for (int k = 0; k < 10; ++k) settling.step(decision_of(Verdict::kAmbiguous), some);
   for (int k = 0; k < 2; ++k) {
@@ -271,7 +271,7 @@ TEST(Settling, AnnouncesAnotherDecisionOfTheSameSignatureOnceThatHasStood) {
 }
 
 TEST(Settling, KeepsAnAnnouncedSignatureForAnyLength) {
-  Settling settling(2, 1);
+  Settling settling({.settle = 2}, 1);
   const std::array<std::uint64_t, 1> none = {0};
   for (int k = 0; k < 100; ++k) {
     settling.step(decision_of(Verdict::kHealthy), none);
@@ -281,7 +281,7 @@ TEST(Settling, KeepsAnAnnouncedSignatureForAnyLength) {
 
 TEST(Decision, DoesNotTouchTheHeapInAThousandSteps) {
   const DecisionTable table(hou_structure());
-  Settling settling(3, 1);
+  Settling settling({.settle = 3}, 1);
   const AllocationGuard guard;
   for (std::uint64_t k = 0; k < 1000; ++k) {
     const std::array<std::uint64_t, 1> signature = {(k / 5) % 64};
@@ -292,6 +292,30 @@ TEST(Decision, DoesNotTouchTheHeapInAThousandSteps) {
   }
   const std::uint64_t heap_calls = guard.heap_calls();
   EXPECT_EQ(heap_calls, 0u);
+}
+
+TEST(Settling, DoesNotLetAFaultTurnIntoAnotherWhileResidualsClear) {
+  Settling settling({.settle = 2, .clearing = 5}, 1);
+  const Decision actuator{.verdict = Verdict::kIsolated, .set_count = 1, .sets = {1}};
+  const Decision sensor{.verdict = Verdict::kIsolated, .set_count = 1, .sets = {2}};
+  const Decision either{.verdict = Verdict::kAmbiguous, .set_count = 2, .sets = {1, 2}};
+  const Decision healthy{.verdict = Verdict::kHealthy, .set_count = 1};
+  const auto steps = [&](const Decision& decision, std::uint64_t signature, int count) {
+    const std::array<std::uint64_t, 1> word{signature};
+    for (int i = 0; i < count; ++i) settling.step(decision, word);
+    return settling.announced();
+  };
+  EXPECT_EQ(steps(actuator, 0b11, 2), actuator);
+  // One of two residuals has cleared; what is left would name the sensor.
+  EXPECT_EQ(steps(sensor, 0b10, 4), actuator);
+  EXPECT_FALSE(settling.has_settled());
+  EXPECT_EQ(steps(healthy, 0b00, 2), healthy);  // .. but it clears, too
+  EXPECT_EQ(steps(actuator, 0b11, 2), actuator);
+  EXPECT_EQ(steps(sensor, 0b10, 5), sensor);  // it stays: it is the sensor
+  // Out of an ambiguous one a set is chosen at once, and so is one that a new residual names.
+  EXPECT_EQ(steps(either, 0b11, 2), either);
+  EXPECT_EQ(steps(sensor, 0b10, 2), sensor);
+  EXPECT_EQ(steps(actuator, 0b01, 2), actuator);
 }
 
 }  // namespace
