@@ -247,6 +247,31 @@ TEST(ObserverProof, ABadSampleIsForgottenWhenItSays) {
       });
 }
 
+TEST(ObserverProof, WithoutLipschitzTermsABadSampleIsForgottenWhenOnePercentIsLeftOfIt) {
+  for (Certified one : certified_observers()) {
+    for (Nonlinearity& term : one.plant.nonlinearities) {
+      term.slope_min = term.slope_max = 0.5 * (term.slope_min + term.slope_max);
+    }
+    for (ResidualFilter& filter : one.bank.filters) {
+      SCOPED_TRACE(one.name + " " + filter.name);
+      filter.observer->P.resize(0, 0);
+      for (FilterNonlinearity& term : filter.nonlinearities) term.radius = 0.0;
+      const ObserverProof proof = prove_observer(one.plant, one.bank, filter);
+      const VectorXd limit = proof.thresholds.component_limit;
+      const VectorXd left = filter.E.cwiseAbs() * one.plant.output_range +
+                            filter.G.cwiseAbs() * one.plant.input_range;
+      std::uint32_t last = 0;
+      MatrixXd seen = filter.M;
+      for (std::uint32_t i = 1; i < 5000; ++i) {
+        const VectorXd rows = seen.cwiseAbs() * left;
+        if (rows.cwiseQuotient(limit).maxCoeff() > 0.01) last = i;
+        seen = (seen * filter.F).eval();
+      }
+      EXPECT_EQ(proof.forget.value, last + 1);
+    }
+  }
+}
+
 TEST(ObserverProof, NothingHidesAFaultOfTheGuaranteedSize) {
   int count = 0;
   for_each_filter(
