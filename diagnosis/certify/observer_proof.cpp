@@ -42,7 +42,7 @@ constexpr double kForgotten = 0.01;
 // Numbers of samples may be rounded either way when their rule is met this closely.
 constexpr double kSlack = 1e-9;
 constexpr int kBandPoints = 400;
-// A grid of frequencies is this much above the least between them, and rounding errors.
+// Rounding errors of gains, and of the solver that β comes from.
 constexpr double kGridSlack = 1e-6;
 
 class Proof {

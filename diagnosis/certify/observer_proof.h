@@ -53,8 +53,8 @@ struct ObserverProof {
 [[nodiscard]] ObserverProof prove_observer(const PlantModel& plant, const Bank& bank,
                                            const ResidualFilter& filter);
 
-/// Whether β is the least gain of a band or less, by its least on a grid: that is above the least
-/// between the frequencies by less than 1e-6 of it.
+/// Whether β is at most the least gain on a grid of its band, to 1e-6 of it for rounding errors. A
+/// check, not a proof: between the frequencies the gain may be less.
 [[nodiscard]] bool is_beta_true(double claimed, double on_grid);
 
 /// Writes what was proved into the filter: course, threshold, estimation, numbers of samples,

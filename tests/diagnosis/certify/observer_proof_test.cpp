@@ -247,6 +247,72 @@ TEST(ObserverProof, ABadSampleIsForgottenWhenItSays) {
       });
 }
 
+TEST(ObserverProof, WithoutLipschitzTermsABadSampleIsForgottenWhenOnePercentIsLeftOfIt) {
+  for (Certified one : certified_observers()) {
+    for (Nonlinearity& term : one.plant.nonlinearities) {
+      term.slope_min = term.slope_max = 0.5 * (term.slope_min + term.slope_max);
+    }
+    for (ResidualFilter& filter : one.bank.filters) {
+      SCOPED_TRACE(one.name + " " + filter.name);
+      filter.observer->P.resize(0, 0);
+      for (FilterNonlinearity& term : filter.nonlinearities) term.radius = 0.0;
+      const ObserverProof proof = prove_observer(one.plant, one.bank, filter);
+      const VectorXd limit = proof.thresholds.component_limit;
+      const VectorXd left = filter.E.cwiseAbs() * one.plant.output_range +
+                            filter.G.cwiseAbs() * one.plant.input_range;
+      std::uint32_t last = 0;
+      MatrixXd seen = filter.M;
+      for (std::uint32_t i = 1; i < 5000; ++i) {
+        const VectorXd rows = seen.cwiseAbs() * left;
+        if (rows.cwiseQuotient(limit).maxCoeff() > 0.01) last = i;
+        seen = (seen * filter.F).eval();
+      }
+      EXPECT_EQ(proof.forget.value, last + 1);
+    }
+  }
+}
+
+TEST(ObserverProof, SmallestFaultsAndDelaysCountByTheFiltersOwnEvaluation) {
+  std::vector<Certified> observers = certified_observers();
+  Certified by_norm{"norm", joint_plant(), ObserverCase::detection().bank()};
+  by_norm.bank.filters[0].evaluation = Evaluation::kNorm;
+  certify(by_norm.plant, by_norm.bank);
+  observers.push_back(by_norm);
+  int count = 0;
+  for (const Certified& one : observers) {
+    for (const ResidualFilter& filter : one.bank.filters) {
+      const auto evaluate = [&](const VectorXd& r) {
+        return filter.evaluation == Evaluation::kNorm
+                   ? r.norm()
+                   : r.cwiseAbs().cwiseQuotient(component_at(filter, 1'000'000)).maxCoeff();
+      };
+      for (std::size_t j = 0; j < one.plant.faults.size(); ++j) {
+        if (filter.sees[j] != Sensitivity::kSteady) continue;
+        SCOPED_TRACE(one.name + " " + filter.name + " " + one.plant.faults[j].name);
+        ++count;
+        ObserverSimulation simulation(one.plant, one.bank, filter);
+        std::mt19937_64 engine;
+        Sample sample = simulation.random_sample(engine);
+        sample.unknown.setZero();
+        sample.fault[static_cast<Index>(j)] = 1.0;
+        const Nonlinearity& term = one.plant.nonlinearities[0];
+        sample.slope.setConstant(0.5 * (term.slope_min + term.slope_max));
+        std::vector<double> values;
+        for (int k = 0; k < 3000; ++k) values.push_back(evaluate(simulation.step(sample)));
+        const double smallest = filter.threshold / values.back();
+        EXPECT_NEAR(filter.certificate.smallest_fault[j], smallest, 1e-8 * smallest);
+        std::uint32_t exceeded = 0;
+        std::size_t k = 0;
+        while (exceeded < one.bank.decision.dwell) {
+          exceeded = 2.0 * smallest * values[k++] > filter.threshold ? exceeded + 1 : 0;
+        }
+        EXPECT_NEAR(filter.certificate.delay_s[j], 0.01 * static_cast<double>(k - 1), 1e-12);
+      }
+    }
+  }
+  EXPECT_EQ(count, 12);
+}
+
 TEST(ObserverProof, NothingHidesAFaultOfTheGuaranteedSize) {
   int count = 0;
   for_each_filter(
