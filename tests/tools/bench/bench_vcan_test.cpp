@@ -51,6 +51,28 @@ TEST(BenchOnVcan, GivesTheSameBitsAsTheLoopBusInLockStep) {
   EXPECT_EQ(on_vcan.counters.frames_dropped, 0U);
 }
 
+// Friction on a plant whose bank knows of none, with noise: what counts here is that it is the
+// same.
+TEST(BenchOnVcan, GivesTheSameBitsAsTheLoopBusForANonlinearPlantWithNoise) {
+  BenchInputs inputs = load_bench_inputs(kExamples / "fig13.toml");
+  inputs.scenario.duration_s = 10.0;
+  inputs.scenario.expectations.clear();
+  inputs.plant.nonlinearities = {{.function = {.kind = FunctionKind::kAtan},
+                                  .gain = -1.5,
+                                  .E_o = Eigen::Vector3d::UnitZ(),
+                                  .E_i = Eigen::Vector3d::UnitX()}};
+  inputs.plant.noises = {
+      {.name = "hum", .output = Eigen::Vector3d::UnitY(), .bound = 0.02, .sigma = {}}};
+  inputs.perturbations = PerturbationSchedule(inputs.plant, {}, {{.target = "hum"}}, 5);
+  const TemporaryFolder folder;
+  static_cast<void>(run(inputs, "loop", false, folder.path() / "loop.lcm"));
+  static_cast<void>(run(inputs, "can:vcan0", false, folder.path() / "vcan.lcm"));
+  const auto loop = logged_residuals(folder.path() / "loop.lcm");
+  ASSERT_EQ(loop.size(), 1001U);
+  EXPECT_NE(loop[1].residual, loop[2].residual);
+  EXPECT_EQ(first_difference(loop, logged_residuals(folder.path() / "vcan.lcm")), 1001U);
+}
+
 TEST(BenchOnUdp, GivesTheSameBitsAsTheLoopBusInLockStep) {
   const BenchInputs inputs = load_bench_inputs(kExamples / "fig13.toml");
   const TemporaryFolder folder;
