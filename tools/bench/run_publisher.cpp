@@ -308,7 +308,9 @@ void RunPublisher::publish_truth(const PlantTruth& truth, const std::vector<Inje
   last_activity_.resize(injections.size(), 0.0);
   for (std::size_t i = 0; i < injections.size(); ++i) {
     const double a = activity(injections[i], t_s);
-    is_due = is_due || a != last_activity_[i];
+    // What a sinusoid adds changes in every cycle.
+    const bool is_moving = a > 0.0 && injections[i].kind == InjectionKind::kSinusoid;
+    is_due = is_due || is_moving || a != last_activity_[i];
     last_activity_[i] = a;
   }
   if (!is_due) return;
@@ -319,13 +321,11 @@ void RunPublisher::publish_truth(const PlantTruth& truth, const std::vector<Inje
   message.faults.clear();
   for (std::size_t i = 0; i < injections.size(); ++i) {
     const Injection& injection = injections[i];
-    const double a = last_activity_[i];
-    if (a == 0.0) continue;
+    if (last_activity_[i] == 0.0) continue;
     injected_fault_t& fault = message.faults.emplace_back();
     fault.target = injection.target;
     fault.kind = injection_kind_name(injection.kind);
-    fault.value = injection.kind == InjectionKind::kGain ? 1.0 + a * (injection.value - 1.0)
-                                                         : a * injection.value;
+    fault.value = injected_value(injection, t_s);
   }
   message.fault_count = static_cast<std::int32_t>(message.faults.size());
   message.x.assign(x.data(), x.data() + x.size());

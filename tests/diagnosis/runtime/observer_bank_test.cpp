@@ -276,7 +276,7 @@ class ObserverChain {
         filters_(bank_),
         evaluator_(bank_),
         table_(bank_),
-        settling_(bank_.decision.settle, 1),
+        settling_(bank_.decision, 1),
         onset_(1) {}
 
   /// Runs until cycle `last` was sampled.

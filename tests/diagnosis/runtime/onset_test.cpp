@@ -42,7 +42,7 @@ class Sequence {
       : bank_(std::move(bank)),
         evaluator_(bank_),
         table_(bank_),
-        settling_(kSettle, 1),
+        settling_({.settle = kSettle}, 1),
         tracker_(1),
         next_(first_cycle) {}
 
@@ -232,7 +232,7 @@ TEST(OnsetTracker, DoesNotTouchTheHeapInAThousandSteps) {
   const Bank bank = hou_structure();
   Evaluator evaluator(bank);
   const DecisionTable table(bank);
-  Settling settling(kSettle, 1);
+  Settling settling({.settle = kSettle}, 1);
   OnsetTracker tracker(1);
   std::vector<double> evaluation(6);
   const std::vector<double> thresholds(6, 1.0);

@@ -63,7 +63,7 @@ class ObserverRun {
         filters_(inputs_.bank),
         evaluator_(inputs_.bank),
         table_(inputs_.bank),
-        settling_(inputs_.bank.decision.settle, 1),
+        settling_(inputs_.bank.decision, 1),
         onset_(1),
         publisher_(inputs_, table_.sets(), std::make_unique<CapturingSink>(captured), nullptr),
         history_(inputs_.bank, table_.sets(), no_scenario_, no_faults_),
