@@ -35,20 +35,22 @@ double smallest_eigenvalue(const Eigen::MatrixXd& symmetric) {
 struct BlockCheck {
   bool is_positive = true;
   double smallest = std::numeric_limits<double>::infinity();
-  std::size_t worst = 0;
+  std::size_t worst = 0;  // by eigenvalue beside the rounding in its block
 };
 
 /// Are all blocks positive definite, by more than rounding?
 BlockCheck check_positive(const std::vector<Eigen::MatrixXd>& blocks) {
   BlockCheck check;
+  double least_ratio = std::numeric_limits<double>::infinity();
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     const double size = blocks[b].cwiseAbs().maxCoeff();
     if (!std::isfinite(size)) return {false, -size, b};
+    const double rounding = kRounding * static_cast<double>(blocks[b].rows()) * size;
     const double smallest = smallest_eigenvalue(blocks[b]);
-    if (!(smallest > kRounding * static_cast<double>(blocks[b].rows()) * size)) {
-      check.is_positive = false;
-    }
-    if (smallest < check.smallest) {
+    if (!(smallest > rounding)) check.is_positive = false;
+    const double ratio = smallest / std::max(rounding, std::numeric_limits<double>::min());
+    if (ratio < least_ratio) {
+      least_ratio = ratio;
       check.smallest = smallest;
       check.worst = b;
     }

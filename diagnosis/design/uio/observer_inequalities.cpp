@@ -24,11 +24,19 @@ Eigen::MatrixXd columns(const Eigen::MatrixXd& M, const std::vector<Eigen::Index
   return some;
 }
 
-/// Norm of the largest column of all; one if all are zero.
-double size_or_one(const std::vector<Eigen::MatrixXd>& matrices) {
-  double size = 0.0;
-  for (const Eigen::MatrixXd& M : matrices) {
-    if (M.size() > 0) size = std::max(size, M.colwise().norm().maxCoeff());
+/// Largest of the columns' norms.
+double largest_column(const Eigen::MatrixXd& M) {
+  return M.size() > 0 ? M.colwise().norm().maxCoeff() : 0.0;
+}
+
+/// How large the residual is, within n samples and without a gain, of what enters the error by B
+/// and the residual by D: a size that does not depend on the units of the states. One if it is
+/// zero.
+double residual_size(const ErrorData& data, Eigen::MatrixXd B, const Eigen::MatrixXd& D) {
+  double size = largest_column(D);
+  for (Eigen::Index k = 0; k < data.model.n(); ++k) {
+    size = std::max(size, largest_column(data.output.R * B));
+    B = data.decoupling.S * data.model.A * B;
   }
   return size > 0.0 ? size : 1.0;
 }
@@ -44,8 +52,8 @@ ErrorData::ErrorData(const ObserverModel& observer_model, const DecouplingMatric
                      const ObserverOutput& observer_output)
     : model(observer_model), decoupling(matrices), output(observer_output) {
   Eigen::MatrixXd SM = decoupling.S * model.M;
-  w_size = size_or_one({SM * model.w_bound.asDiagonal(), model.W * model.w_bound.asDiagonal(),
-                        output.Q * model.w_bound.asDiagonal()});
+  w_size =
+      residual_size(*this, SM * model.w_bound.asDiagonal(), output.Q * model.w_bound.asDiagonal());
   w_unit = model.w_bound / w_size;
   SM = SM * w_unit.asDiagonal();
   const Eigen::MatrixXd W = model.W * w_unit.asDiagonal();
@@ -63,7 +71,7 @@ ErrorData::ErrorData(const ObserverModel& observer_model, const DecouplingMatric
   TW_next = columns(TW, next);
   Q_direct = columns(Q, direct);
   SF_x = decoupling.S * model.F_x;
-  fault_size = size_or_one({SF_x, model.F_y, output.J});
+  fault_size = residual_size(*this, SF_x, output.J);
   SF_x /= fault_size;
   F_y = model.F_y / fault_size;
   J = output.J / fault_size;

@@ -12,9 +12,9 @@
 namespace faultline {
 
 /// Data of the error's inequalities, in units in which the solver's tolerances mean something: w in
-/// those of its bounds, w = w_unit w' (entries; |w'_j| <= w_size, one for all), so that the largest
-/// column of M, W, Q is one; faults m = m'/fault_size, so that of F_x, F_y, J is. Then
-/// τ = w_size² Σ μ'. Entries of w that do not enter at a place have no column there.
+/// those of its bounds, w = w_unit w' (entries; |w'_j| <= w_size, one for all), faults m =
+/// m'/fault_size, so that each moves the residual by about one. Then τ = w_size² Σ μ'. Entries of w
+/// that do not enter at a place have no column there.
 struct ErrorData {
   ErrorData(const ObserverModel& model, const DecouplingMatrices& decoupling,
             const ObserverOutput& output);

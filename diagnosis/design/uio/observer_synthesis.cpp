@@ -44,6 +44,7 @@ void check_request(const ObserverModel& model, const DecouplingMatrices& decoupl
   const Eigen::Index n = model.n();
   expect_shape("T", decoupling.T, n, model.C.rows());
   expect_shape("S", decoupling.S, n, n);
+  expect_shape("x_bound", model.x_bound, n, 1);
   expect_shape("R", output.R, output.R.rows(), n);
   expect_shape("Q", output.Q, output.R.rows(), model.M.cols());
   expect_shape("J", output.J, output.R.rows(), model.F_x.cols());
@@ -100,6 +101,41 @@ bool holds(const ErrorData& data, const LmiSolution& solution, const BoundVariab
   return bound.P.rows() == P_mu.P.rows();
 }
 
+/// A request in states x' of about one, x = unit x': by it the answer does not depend on the units
+/// of the states, which the solver's tolerances would feel. Powers of two, so that no digit is
+/// lost; one where there is no bound.
+struct ScaledRequest {
+  ScaledRequest(const ObserverModel& from, const DecouplingMatrices& matrices,
+                const ObserverOutput& from_output)
+      : model(from), decoupling(matrices), output(from_output) {
+    unit = from.x_bound.unaryExpr([](double bound) {
+      return bound > 0.0 && std::isfinite(bound) ? std::exp2(std::round(std::log2(bound))) : 1.0;
+    });
+    const Eigen::VectorXd inverse = unit.cwiseInverse();
+    model.A = inverse.asDiagonal() * from.A * unit.asDiagonal();
+    model.C = from.C * unit.asDiagonal();
+    model.M = inverse.asDiagonal() * from.M;
+    model.F_x = inverse.asDiagonal() * from.F_x;
+    model.E_o = inverse.asDiagonal() * from.E_o;
+    model.E_i = from.E_i * unit.asDiagonal();
+    decoupling.T = inverse.asDiagonal() * matrices.T;
+    decoupling.S = inverse.asDiagonal() * matrices.S * unit.asDiagonal();
+    output.R = from_output.R * unit.asDiagonal();
+  }
+
+  Eigen::VectorXd unit;
+  ObserverModel model;
+  DecouplingMatrices decoupling;
+  ObserverOutput output;
+};
+
+/// Gain and P in the states that the caller has.
+void return_units(ObserverSynthesis& synthesis, const Eigen::VectorXd& unit) {
+  const Eigen::VectorXd inverse = unit.cwiseInverse();
+  synthesis.gain = unit.asDiagonal() * synthesis.gain;
+  synthesis.P = inverse.asDiagonal() * synthesis.P * inverse.asDiagonal();
+}
+
 ObserverSynthesis failure(SynthesisStatus status, std::string reason, double alpha) {
   ObserverSynthesis synthesis;
   synthesis.status = status;
@@ -130,7 +166,8 @@ ObserverSynthesis synthesise_observer(const ObserverModel& model,
                                       const ReferenceSystem& reference, ResidualWeight weight) {
   check_request(model, decoupling, output, alpha);
   if (band) expect_shape("V", reference.V, model.n(), model.F_x.cols());
-  const ErrorData data(model, decoupling, output);
+  const ScaledRequest scaled(model, decoupling, output);
+  const ErrorData data(scaled.model, scaled.decoupling, scaled.output);
   const Eigen::Index rows = output.R.rows();
   const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(rows, rows);
 
@@ -144,7 +181,11 @@ ObserverSynthesis synthesise_observer(const ObserverModel& model,
   if (band) problem.require_positive("weight", X);
   require_error_bound(problem, data, bound, G, Y, alpha);
   require_output_bound(problem, data, bound, X);
-  if (band) require_h_minus(problem, data, X, G, Y, *band, reference);
+  if (band) {
+    const Eigen::VectorXd inverse = scaled.unit.cwiseInverse();
+    require_h_minus(problem, data, X, G, Y, *band,
+                    {reference.a_0, inverse.asDiagonal() * reference.V});
+  }
   problem.minimise(sum_of_multipliers(bound));
 
   const LmiSolution solution = solve(problem, {.largest_gap = kLargestGap});
@@ -167,6 +208,7 @@ ObserverSynthesis synthesise_observer(const ObserverModel& model,
     synthesis.objective /= data.fault_size;
     normalise(synthesis, solution.value(X), data.fault_size);
   }
+  return_units(synthesis, scaled.unit);
   return synthesis;
 }
 
@@ -176,10 +218,12 @@ ObserverSynthesis analyse_observer(const ObserverModel& model, const DecouplingM
   check_request(model, decoupling, output, alpha);
   expect_shape("gain", gain, model.n(), model.C.rows());
   expect_shape("weight", weight, weight.rows(), output.R.rows());
-  const ErrorData data(model, decoupling, output);
+  const ScaledRequest scaled(model, decoupling, output);
+  const ErrorData data(scaled.model, scaled.decoupling, scaled.output);
   LmiProblem problem;
   const BoundVariables bound = add_bound_variables(problem, data);
-  require_error_bound(problem, data, bound, gain, alpha);
+  const Eigen::MatrixXd scaled_gain = scaled.unit.cwiseInverse().asDiagonal() * gain;
+  require_error_bound(problem, data, bound, scaled_gain, alpha);
   require_output_bound(problem, data, bound, Eigen::MatrixXd(weight.transpose() * weight));
   problem.minimise(sum_of_multipliers(bound));
   const LmiSolution solution = solve(problem, {.largest_gap = kLargestGap});
@@ -188,7 +232,8 @@ ObserverSynthesis analyse_observer(const ObserverModel& model, const DecouplingM
   take_bound(synthesis, data, solution, bound);
   synthesis.status = SynthesisStatus::kSolved;
   synthesis.alpha = alpha;
-  synthesis.gain = gain;
+  synthesis.gain = scaled_gain;
+  return_units(synthesis, scaled.unit);
   synthesis.weight = weight;
   synthesis.objective = std::sqrt(synthesis.tau);
   return synthesis;

@@ -216,6 +216,7 @@ TEST(ObserverSynthesis, DoesNotDependOnTheUnitsOfTheStates) {
   model.E_o = inverse.asDiagonal() * model.E_o;
   model.C = model.C * unit.asDiagonal();
   model.E_i = model.E_i * unit.asDiagonal();
+  model.x_bound = inverse.cwiseProduct(model.x_bound);
   oracle.output = output_error(model);
   oracle.reference.V = inverse.asDiagonal() * oracle.reference.V;
   const ObserverSynthesis observer = synthesise(oracle);
@@ -251,6 +252,9 @@ TEST(ObserverSynthesis, TakesASensorFaultThroughItsDirectPart) {
   oracle.decoupling = {MatrixXd::Zero(4, 3), MatrixXd::Identity(4, 4), MatrixXd(4, 0)};
   oracle.model.F_x = MatrixXd::Zero(4, 1);
   oracle.model.F_y = MatrixXd::Identity(3, 1);
+  oracle.model.M = 0.01 * MatrixXd::Ones(4, 3);
+  oracle.model.W = 0.1 * MatrixXd::Identity(3, 3);
+  oracle.model.w_bound = VectorXd::Constant(3, 0.1);
   oracle.output = output_error(oracle.model);
   // The reference sees it at once: J alone.
   oracle.reference = {0.5, MatrixXd::Zero(4, 1)};
