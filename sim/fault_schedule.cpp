@@ -12,7 +12,7 @@
 namespace faultline {
 namespace {
 
-constexpr double kSlack_s = 0.5e-9;  // of is_between
+constexpr double kSlackSeconds = 0.5e-9;  // of is_between
 
 std::optional<Eigen::Index> index_of(const std::vector<std::string>& names,
                                      const std::string& name) {
@@ -58,8 +58,8 @@ std::string_view injection_kind_name(InjectionKind kind) noexcept {
 }
 
 bool is_between(double t_s, double at_s, const std::optional<double>& until_s) noexcept {
-  if (t_s - at_s + kSlack_s < 0.0) return false;
-  return !(until_s && t_s + kSlack_s >= *until_s);
+  if (t_s - at_s + kSlackSeconds < 0.0) return false;
+  return !(until_s && t_s + kSlackSeconds >= *until_s);
 }
 
 double sinusoid(double since_s, double frequency_Hz, double phase_rad) noexcept {
@@ -68,7 +68,7 @@ double sinusoid(double since_s, double frequency_Hz, double phase_rad) noexcept 
 
 double activity(const Injection& injection, double t_s) noexcept {
   if (!is_between(t_s, injection.at_s, injection.until_s)) return 0.0;
-  const double since_s = t_s - injection.at_s + kSlack_s;
+  const double since_s = t_s - injection.at_s + kSlackSeconds;
   if (injection.period_s && std::fmod(since_s, *injection.period_s) >= 0.5 * *injection.period_s) {
     return 0.0;
   }

@@ -48,6 +48,7 @@ std::string unknown_target(const std::string& table, const std::vector<std::stri
 template <class Entries>
 std::vector<std::string> names_of(const Entries& entries) {
   std::vector<std::string> names;
+  names.reserve(entries.size());
   for (const auto& entry : entries) names.push_back(entry.name);
   return names;
 }

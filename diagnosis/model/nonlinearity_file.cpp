@@ -123,7 +123,7 @@ SlopeBounds read_slopes(TomlTable& table, const NonlinearFunction& function) {
 }
 
 Eigen::VectorXd read_nonzero(TomlTable& table, std::string_view key, Eigen::Index n) {
-  const Eigen::VectorXd direction = table.vector(key, n);
+  Eigen::VectorXd direction = table.vector(key, n);
   if (direction.isZero(0.0)) {
     throw table.error(key, "found zeros only, expected a nonzero direction");
   }
