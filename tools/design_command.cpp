@@ -69,8 +69,14 @@ void print_indistinguishable(std::FILE* out, const DesignResult& result) {
   }
 }
 
-void print_warnings(std::FILE* out, const DesignResult& result) {
+void print_warnings(std::FILE* out, const PlantModel& plant, const DesignResult& result) {
   const Bank& bank = result.bank;
+  if (bank.method == "geometric" && !plant.nonlinearities.empty()) {
+    fmt::print(
+        out,
+        "  WARNING  the geometric method takes the plant for linear: what its nonlinearities "
+        "add reaches the residuals like a disturbance; method \"uio\" reckons with them\n");
+  }
   for (const ResidualReport& report : result.residuals) {
     if (report.stability.tolerance_min > 1e-12 || report.stability.tolerance_max < 1e-6) {
       fmt::print(
@@ -157,7 +163,7 @@ int design(const DesignArguments& arguments) {
     print_quantisation(out, result.bank, errors);
     json["quantisation"] = quantisation_json(result.bank, errors);
   }
-  print_warnings(out, result);
+  print_warnings(out, plant, result);
   if (!arguments.json.empty()) write_json(json, arguments.json);
   const bool has_partial_bank = !result.is_solvable && !result.bank.filters.empty();
   if (result.is_solvable || (has_partial_bank && arguments.is_partial)) {

@@ -518,7 +518,7 @@ class BadInput(FolderTest):
                 (["found number nan"], "threshold = 0.5", "threshold = §nan"),
                 (["found 0", "expected"], "dwell     = 3", "dwell     = §0"),
                 (["found 99999999999999", "expected"], "settle    = 3", "settle    = §99999999999999"),
-                (['"uio"', '"geometric"'], 'method = "geometric"', 'method = §"uio"'),
+                (['"uoi"', '"geometric"', '"uio"'], 'method = "geometric"', 'method = §"uoi"'),
                 (["found 10", "negative"], poles, "poles = §[10.0]"),
                 (["conjugate"], poles, "poles = §[[-10.0, 1.0]]"),
                 (["conjugate"], poles, "poles = §[[-10.0, 1.0], [-10.0, -2.0]]"),
