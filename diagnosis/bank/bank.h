@@ -227,8 +227,8 @@ struct IsolabilityCertificate {
 
 /// How fired residuals become a verdict.
 struct DecisionRule {
-  std::uint32_t dwell = 3;    ///< samples a residual must exceed, and stay below, its threshold
-  std::uint32_t settle = 3;   ///< samples a signature must stand before its verdict is announced
+  std::uint32_t dwell = 3;   ///< samples a residual must exceed, and stay below, its threshold
+  std::uint32_t settle = 3;  ///< samples a signature must stand before its verdict is announced
   /// The same where residuals have only cleared since the last announcement and yet other faults
   /// would be named: residuals that clear one after the other. 0: as `settle`.
   std::uint32_t clearing = 0;

@@ -219,7 +219,8 @@ Bank read_tree(const JsonCursor& root) {
   bank.concurrent = at[12].count(1);
   refuse_large_decision_table(at[12], bank, at[16].elements().size());
   bank.disturbances = read_disturbances(at[13]);
-  const std::vector<JsonCursor> decision = at[14].members({"dwell", "settle", "window"}, {"clearing"});
+  const std::vector<JsonCursor> decision =
+      at[14].members({"dwell", "settle", "window"}, {"clearing"});
   bank.decision.dwell = decision[0].count(1);
   bank.decision.settle = decision[1].count(1);
   bank.decision.window = decision[2].count(1);

@@ -125,11 +125,10 @@ std::string bank_text(const Bank& bank) {
   text += fmt::format("  \"operating_point\": {{\"u\": {}, \"y\": {}}},\n",
                       number_list(bank.u_operating), number_list(bank.y_operating));
   text += fmt::format("  \"disturbances\": {},\n", disturbances_text(bank.disturbances));
-  text += fmt::format("  \"decision\": {{\"dwell\": {}, \"settle\": {}, \"window\": {}{}}},\n",
-                      bank.decision.dwell, bank.decision.settle, bank.decision.window,
-                      bank.decision.clearing == 0
-                          ? ""
-                          : fmt::format(", \"clearing\": {}", bank.decision.clearing));
+  text += fmt::format(
+      "  \"decision\": {{\"dwell\": {}, \"settle\": {}, \"window\": {}{}}},\n", bank.decision.dwell,
+      bank.decision.settle, bank.decision.window,
+      bank.decision.clearing == 0 ? "" : fmt::format(", \"clearing\": {}", bank.decision.clearing));
   text += fmt::format("  \"isolability\": {},\n", isolability_text(bank));
   text += fmt::format("  \"filters\": [\n{}\n  ]\n}}\n", fmt::join(filters, ",\n"));
   return text;

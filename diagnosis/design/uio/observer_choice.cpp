@@ -15,6 +15,7 @@
 #include "diagnosis/design/uio/limit_text.h"
 #include "diagnosis/design/uio/observer_search.h"
 #include "diagnosis/design/uio/structural_limits.h"
+#include "diagnosis/design/with_rows.h"
 
 namespace faultline {
 namespace {
@@ -22,12 +23,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-MatrixXd with_rows(const MatrixXd& X, Index rows) {
-  MatrixXd more = MatrixXd::Zero(rows, X.cols());
-  more.topRows(X.rows()) = X;
-  return more;
-}
 
 MatrixXd chosen_columns(const MatrixXd& X, const std::vector<std::size_t>& columns) {
   MatrixXd chosen(X.rows(), std::ssize(columns));

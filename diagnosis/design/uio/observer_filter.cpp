@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 
 #include "diagnosis/design/subspace.h"
+#include "diagnosis/design/with_rows.h"
 
 namespace faultline {
 namespace {
@@ -13,12 +14,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-MatrixXd with_rows(const MatrixXd& X, Index rows) {
-  MatrixXd more = MatrixXd::Zero(rows, X.cols());
-  more.topRows(X.rows()) = X;
-  return more;
-}
 
 ObserverCertificate claims_of(const DesignedObserver& observer) {
   const ObserverSynthesis& synthesis = observer.synthesis;

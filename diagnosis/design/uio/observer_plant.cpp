@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "diagnosis/design/with_rows.h"
 #include "diagnosis/model/discretize.h"
 #include "diagnosis/model/toml_reader.h"
 
@@ -19,12 +20,6 @@ using Eigen::VectorXd;
 
 // 64 corners, one matrix inequality each.
 constexpr std::size_t kMostNonlinearities = 6;
-
-MatrixXd with_rows(const MatrixXd& X, Index rows) {
-  MatrixXd more = MatrixXd::Zero(rows, X.cols());
-  more.topRows(X.rows()) = X;
-  return more;
-}
 
 template <class Items, class Column>
 MatrixXd columns_of(const Items& items, Index rows, Column column) {
@@ -39,11 +34,6 @@ void sample(ObserverPlant& sampled, const BankRequest& request) {
   const double T = request.sample_time_s;
   std::vector<MatrixXd*> parts{&sampled.B, &sampled.fault_states, &sampled.disturbance_states,
                                &sampled.E_o};
-  if (request.domain == DesignDomain::kEuler) {
-    for (MatrixXd* part : parts) *part *= T;
-    sampled.A = MatrixXd::Identity(sampled.A.rows(), sampled.A.cols()) + T * sampled.A;
-    return;
-  }
   Index count = 0;
   for (const MatrixXd* part : parts) count += part->cols();
   MatrixXd all(sampled.A.rows(), count);
@@ -52,7 +42,9 @@ void sample(ObserverPlant& sampled, const BankRequest& request) {
     all.middleCols(at, part->cols()) = *part;
     at += part->cols();
   }
-  const SampledSystem system = discretize_zoh(sampled.A, all, T);
+  const SampledSystem system = request.domain == DesignDomain::kEuler
+                                   ? discretize_euler(sampled.A, all, T)
+                                   : discretize_zoh(sampled.A, all, T);
   sampled.A = system.A;
   at = 0;
   for (MatrixXd* part : parts) {
@@ -81,9 +73,9 @@ VectorXd bounds_of(const PlantModel& plant, const BankRequest& request,
   for (std::size_t i = 0; i < plant.noises.size(); ++i) {
     if (!plant.noises[i].bound) {
       throw request_error(request, "plant",
-                          fmt::format("found [[noise]] {} with `sigma` only, expected `bound`: "
+                          fmt::format("found noise \"{}\" with `sigma` only, expected `bound`: "
                                       "proved thresholds need a bound",
-                                      i + 1));
+                                      plant.noises[i].name));
     }
     bounds[at++] = *plant.noises[i].bound;
   }

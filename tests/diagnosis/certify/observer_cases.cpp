@@ -137,7 +137,7 @@ PlantModel joint_plant() {
   plant.disturbances = {{"zd1", VectorXd{{-0.2, -0.1, 0.1, 0.2}}, VectorXd::Zero(3), 0.1},
                         {"zd2", VectorXd{{0.01, 0.02, -0.02, 0.02}}, VectorXd::Zero(3), 0.1},
                         {"zd3", VectorXd{{-0.02, -0.04, 0.04, -0.04}}, VectorXd::Zero(3), 0.1}};
-  plant.noises = {{VectorXd{{0.1, -0.02, 0.0}}, 0.1, {}}};
+  plant.noises = {{"noise1", VectorXd{{0.1, -0.02, 0.0}}, 0.1, {}}};
   plant.nonlinearities = {
       {{FunctionKind::kSin}, -0.333, VectorXd::Unit(4, 3), VectorXd::Unit(4, 2), -1.0, 1.0}};
   return plant;
@@ -245,7 +245,8 @@ PlantModel tanh_plant() {
   plant.faults = {{"u", FaultKind::kActuator, plant.B.col(0), plant.D.col(0), 1.0},
                   {"y1", FaultKind::kSensor, VectorXd::Zero(2), VectorXd::Unit(2, 0), 0.5}};
   plant.disturbances = {{"d", VectorXd{{0.3, 0.1}}, VectorXd{{0.0, 0.02}}, 0.2}};
-  plant.noises = {{VectorXd::Unit(2, 0), 0.01, {}}, {VectorXd::Unit(2, 1), 0.02, {}}};
+  plant.noises = {{"noise1", VectorXd::Unit(2, 0), 0.01, {}},
+                  {"noise2", VectorXd::Unit(2, 1), 0.02, {}}};
   plant.nonlinearities = {
       {{FunctionKind::kTanh}, -2.0, VectorXd{{1.0, 0.5}}, VectorXd{{0.0, 1.0}}, 0.0, 1.0}};
   return plant;
