@@ -155,7 +155,6 @@ int design(const DesignArguments& arguments) {
   print_verdict(out, plant, result);
   print_observers(out, result);
   if (!result.bank.filters.empty()) print_bank(out, result.bank);
-  print_observer_proofs(out, result.bank);
   print_failures(out, result);
   print_indistinguishable(out, result);
   if (!arguments.dbc.empty()) {

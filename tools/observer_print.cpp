@@ -40,11 +40,32 @@ const char* guarantee_heading(const ObserverReport& report) {
   return report.name == "estimation" ? "bound" : "sure from";
 }
 
+// Breaks a text between words, as wide as a terminal, behind an indent.
+void print_wrapped(std::FILE* out, const std::string& text) {
+  constexpr std::size_t kWidth = 92;
+  const std::string indent(8, ' ');
+  std::string line;
+  const auto flush = [&] {
+    fmt::print(out, "{}{}\n", indent, line);
+    line.clear();
+  };
+  std::size_t begin = 0;
+  while (begin < text.size()) {
+    const std::size_t end = std::min(text.find(' ', begin), text.size());
+    const std::string word = text.substr(begin, end - begin);
+    if (!line.empty() && line.size() + 1 + word.size() > kWidth) flush();
+    line += line.empty() ? word : " " + word;
+    begin = end + 1;
+  }
+  if (!line.empty()) flush();
+}
+
 void print_trial(std::FILE* out, const ObserverTrial& trial) {
   fmt::print(out, "  {} {:<{}} ", trial.is_chosen ? '>' : ' ', decoupled_text(trial), kNameWidth);
   const std::string alpha = trial.alpha > 0.0 ? fmt::format("{:g}", trial.alpha) : "any";
   if (trial.status != SynthesisStatus::kSolved) {
-    fmt::print(out, "{:>6}   {}: {}\n", alpha, status_text(trial.status), trial.reason);
+    fmt::print(out, "{:>6}   {}:\n", alpha, status_text(trial.status));
+    print_wrapped(out, trial.reason);
     return;
   }
   fmt::print(out, "{:>6} {:>10.4g} {:>10} {:>10.4g} {:>9.4f} {:>10.4g}\n", alpha, trial.objective,
