@@ -308,6 +308,9 @@ class Chooser {
       }
     }
     if (count > 1) trial.reason += fmt::format(" (the same for all of {} multipliers)", count);
+    if (trial.status == SynthesisStatus::kInfeasible) {
+      trial.reason += "; a larger alpha asks for less speed, narrower slopes for less robustness";
+    }
   }
 
   void judge(const DesignedObserver& observer, const ObserverOutput& output,
