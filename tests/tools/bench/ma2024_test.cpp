@@ -23,13 +23,13 @@ constexpr std::int64_t kSamples = 8001;
 /// After a fault ends its trace in a residual may last that long.
 constexpr std::int64_t kClearing = 300;
 
-struct Run {
+struct RobotRun {
   BenchResult result;
   std::vector<residual_t> residuals;
   std::vector<estimate_t> estimates;
 };
 
-Run run(const std::string& scenario, const std::string& bus = "loop") {
+RobotRun run(const std::string& scenario, const std::string& bus = "loop") {
   const BenchInputs inputs = load_bench_inputs(kExamples / (scenario + ".toml"));
   const TemporaryFolder folder;
   BenchOptions options;
@@ -41,14 +41,15 @@ Run run(const std::string& scenario, const std::string& bus = "loop") {
 }
 
 /// Cycles in which filter `filter` is above its threshold, [from, until).
-std::int64_t alarms(const Run& run, std::size_t filter, std::int64_t from, std::int64_t until) {
+std::int64_t alarms(const RobotRun& run, std::size_t filter, std::int64_t from,
+                    std::int64_t until) {
   return std::count_if(run.residuals.begin(), run.residuals.end(), [&](const residual_t& message) {
     return message.cycle >= from && message.cycle < until &&
            !(message.evaluation[filter] <= message.threshold[filter]);
   });
 }
 
-void expect_no_false_alarm(const Run& run, std::int64_t fault_begin, std::int64_t fault_end) {
+void expect_no_false_alarm(const RobotRun& run, std::int64_t fault_begin, std::int64_t fault_end) {
   ASSERT_EQ(std::ssize(run.residuals), kSamples);
   for (std::size_t i = 0; i < run.residuals[0].evaluation.size(); ++i) {
     EXPECT_EQ(alarms(run, i, 0, fault_begin), 0) << "filter " << i;
@@ -57,7 +58,7 @@ void expect_no_false_alarm(const Run& run, std::int64_t fault_begin, std::int64_
 }
 
 TEST(Ma2024, RaisesNoFalseAlarmFromTheFirstSampleOn) {
-  const Run healthy = run("healthy");
+  const RobotRun healthy = run("healthy");
   EXPECT_TRUE(healthy.result.history.are_expectations_met());
   expect_no_false_alarm(healthy, kSamples, kSamples);
 }
@@ -65,7 +66,7 @@ TEST(Ma2024, RaisesNoFalseAlarmFromTheFirstSampleOn) {
 TEST(Ma2024, NamesTheActuatorWithinSamples) {
   for (const std::string scenario : {"actuator", "fig1"}) {
     SCOPED_TRACE(scenario);
-    const Run actuator = run(scenario);
+    const RobotRun actuator = run(scenario);
     EXPECT_TRUE(actuator.result.history.are_expectations_met());
     expect_no_false_alarm(actuator, 2001, 6001);
     // Detected within 5 samples of its onset at 100 Hz.
@@ -75,7 +76,7 @@ TEST(Ma2024, NamesTheActuatorWithinSamples) {
 }
 
 TEST(Ma2024, EstimatesTheSensorFaultWithinItsProvedBound) {
-  const Run sensor = run("fig2");
+  const RobotRun sensor = run("fig2");
   EXPECT_TRUE(sensor.result.history.are_expectations_met());
   expect_no_false_alarm(sensor, 3001, 5001);
   int bounded = 0;
@@ -91,7 +92,7 @@ TEST(Ma2024, EstimatesTheSensorFaultWithinItsProvedBound) {
 }
 
 TEST(Ma2024, WithoutAFaultStateTheSensorFaultHasNoName) {
-  const Run sensor = run("fig4");
+  const RobotRun sensor = run("fig4");
   EXPECT_TRUE(sensor.result.history.are_expectations_met());
   expect_no_false_alarm(sensor, 3001, 5001);
   EXPECT_TRUE(std::all_of(sensor.estimates.begin(), sensor.estimates.end(),
@@ -99,8 +100,8 @@ TEST(Ma2024, WithoutAFaultStateTheSensorFaultHasNoName) {
 }
 
 TEST(Ma2024, AFastObserverSeesTheFaultWithHMinusAndHardlyWithoutIt) {
-  const Run with = run("fig3_h_minus");
-  const Run without = run("fig3_l_infinity");
+  const RobotRun with = run("fig3_h_minus");
+  const RobotRun without = run("fig3_l_infinity");
   expect_no_false_alarm(with, 2001, 6001);
   expect_no_false_alarm(without, 2001, 6001);
   EXPECT_GT(alarms(with, 0, 2001, 6001), 2 * alarms(without, 0, 2001, 6001));
