@@ -502,9 +502,9 @@ class BadInput(FolderTest):
                 (["found a list", "expected a string"], 'name   = "hou2015"', 'name   = §["hou2015"]'),
                 (["found \"y2\" twice"], '["y1", "y2", "y3"]', '§["y1", "y2", "y2"]'),
                 (["faults.actuators", '"u9"', "did you mean"], 'actuators = "all"', 'actuators = §["u1", "u9"]'),
-                (["found 1 nonlinearities", "expected none"], "sensors   = []",
-                 'sensors   = []\n§[[nonlinearity]]\nfunction = "sin"\nE_o = [1, 0, 0]\nE_i = [1, 0, 0]\n'
-                 "slope = [-1, 1]")):
+                (["nonlinearity, entry 1.slope", "found [0, 1]", "are -1 to 1"], "sensors   = []",
+                 'sensors   = []\n[[nonlinearity]]\nfunction = "sin"\nE_o = [1, 0, 0]\nE_i = [1, 0, 0]\n'
+                 "slope = §[0, 1]")):
             self.refuse("plant.toml", words, (old, new))
 
     def test_bank_request(self):
