@@ -46,7 +46,7 @@ struct SolverAnswer {
 };
 
 /// Variables a program may have: its Newton matrix is dense, m² numbers, m³/3 operations in each of
-/// some 30 iterations. 1600 take about half a minute with Debian's reference BLAS.
+/// some 30 iterations. 1300 take half a minute with Debian's reference BLAS (2026).
 inline constexpr Eigen::Index kLargestProgram = 1600;
 
 /// Solves by CSDP 6.2 (B. Borchers, Optimization Methods and Software 11 (1999) 613-623), a
