@@ -217,7 +217,7 @@ TEST(CheckObserver, SaysWhichClaimInWords) {
   const std::string text = all_sentences(check_bank(joint_plant(), bank));
   EXPECT_THAT(text, HasSubstr("output: componentwise threshold(2, 1): the bank says 6.26"));
   EXPECT_THAT(text, HasSubstr("estimate: samples its estimate settles in: the bank says 3, but it "
-                              "is 27"));
+                              "is 25"));
 }
 
 TEST(CheckObserver, FindsWhatOnlyAnObserverMayClaim) {

@@ -195,7 +195,7 @@ TEST(NonlinearityFile, OfTheRobotIsGravityInBothOfItsPlants) {
     EXPECT_EQ(plant.nonlinearities[0].slope_min, -1.0);
     EXPECT_EQ(plant.nonlinearities[0].slope_max, 1.0);
     ASSERT_TRUE(plant.state_range);
-    EXPECT_EQ((*plant.state_range)[1], 8.0);
+    EXPECT_EQ((*plant.state_range)[1], 20.0);
     ASSERT_EQ(plant.noises.size(), 1U);
     EXPECT_EQ(plant.noises[0].name, "noise1");
   }
