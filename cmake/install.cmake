@@ -28,6 +28,7 @@ if(NOT FAULTLINE_DRIVERS_ONLY)
   faultline_install(diagnosis
     faultline_diagnosis_model faultline_diagnosis_bank faultline_diagnosis_design
     faultline_diagnosis_certify faultline_diagnosis_runtime)
+  install(FILES cmake/FindCSDP.cmake DESTINATION ${faultline_cmake_dir} COMPONENT diagnosis)
   install(TARGETS faultline RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
 endif()
 

@@ -1,5 +1,6 @@
 #include "sim/controller_node.h"
 
+#include <cmath>
 #include <stdexcept>
 
 #include <Eigen/QR>
@@ -24,12 +25,13 @@ ControlLaw state_feedback(const PlantModel& model, const Eigen::MatrixXd& K,
   }
   const Eigen::MatrixXd left_inverse =
       decomposition.solve(Eigen::MatrixXd::Identity(model.q(), model.q()));
-  return {K * left_inverse, model.u_operating + feedforward, model.y_operating};
+  return {K * left_inverse, model.u_operating + feedforward, model.y_operating,
+          Eigen::VectorXd::Zero(model.m()), Eigen::VectorXd::Zero(model.m())};
 }
 
 ControlLaw open_loop(const PlantModel& model, const Eigen::VectorXd& feedforward) {
   return {Eigen::MatrixXd::Zero(model.m(), model.q()), model.u_operating + feedforward,
-          model.y_operating};
+          model.y_operating, Eigen::VectorXd::Zero(model.m()), Eigen::VectorXd::Zero(model.m())};
 }
 
 Eigen::MatrixXd lqr_gain(const PlantModel& model, double sample_time_s, const Eigen::MatrixXd& Q,
@@ -65,6 +67,9 @@ void ControllerNode::answer(std::uint32_t k, FrameSink& sink) noexcept {
   const std::span<const double> y = measurements_.values(k);
   dy_ = Eigen::Map<const Eigen::VectorXd>(y.data(), dy_.size()) - law_.y_operating;
   u_ = law_.feedforward;
+  for (Eigen::Index i = 0; i < u_.size(); ++i) {
+    u_[i] += law_.amplitude[i] * std::sin(law_.omega_rad[i] * k);
+  }
   u_.noalias() -= law_.gain * dy_;
   CanFrame frame;
   for (std::size_t i = 0; i < protectors_.size(); ++i) {

@@ -13,15 +13,17 @@
 
 namespace faultline {
 
-/// State feedback on the measured state, with feed-forward:
+/// State feedback on the measured state, with feed-forward and an excitation:
 ///
-///   u = u₀ + v - K C⁺ (y - y₀)
+///   u_k = u₀ + v + a sin(ω k) - K C⁺ (y_k - y₀)
 ///
-/// K m×n, C⁺ n×q the left inverse of C, v the feed-forward (m).
+/// K m×n, C⁺ n×q the left inverse of C, v the feed-forward (m), a sin(ω k) channel by channel.
 struct ControlLaw {
   Eigen::MatrixXd gain;         ///< K C⁺, m×q
   Eigen::VectorXd feedforward;  ///< u₀ + v, m
   Eigen::VectorXd y_operating;  ///< y₀, q
+  Eigen::VectorXd amplitude;    ///< a, m
+  Eigen::VectorXd omega_rad;    ///< ω, m: per cycle
 };
 
 /// @param K m×n feedback gain. @param feedforward v, m.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <set>
 
 #include <fmt/format.h>
@@ -10,6 +11,8 @@
 
 namespace faultline {
 namespace {
+
+constexpr double kSlackSeconds = 0.5e-9;  // of is_between
 
 std::optional<Eigen::Index> index_of(const std::vector<std::string>& names,
                                      const std::string& name) {
@@ -43,21 +46,48 @@ std::string unknown_target(const PlantModel& plant, const std::string& target) {
 }  // namespace
 
 std::string_view injection_kind_name(InjectionKind kind) noexcept {
-  return kind == InjectionKind::kBias ? "bias" : "gain";
+  switch (kind) {
+    case InjectionKind::kBias:
+      return "bias";
+    case InjectionKind::kGain:
+      return "gain";
+    case InjectionKind::kSinusoid:
+      return "sinusoid";
+  }
+  return "";
+}
+
+bool is_between(double t_s, double at_s, const std::optional<double>& until_s) noexcept {
+  if (t_s - at_s + kSlackSeconds < 0.0) return false;
+  return !(until_s && t_s + kSlackSeconds >= *until_s);
+}
+
+double sinusoid(double since_s, double frequency_Hz, double phase_rad) noexcept {
+  return std::sin(2.0 * std::numbers::pi * frequency_Hz * since_s + phase_rad);
 }
 
 double activity(const Injection& injection, double t_s) noexcept {
-  // Cycle times are multiples of the sample time in floating point: half a nanosecond of slack lets
-  // the cycle that is meant to be the first one be it.
-  constexpr double kSlack_s = 0.5e-9;
-  const double since_s = t_s - injection.at_s + kSlack_s;
-  if (since_s < 0.0) return 0.0;
-  if (injection.until_s && t_s + kSlack_s >= *injection.until_s) return 0.0;
+  if (!is_between(t_s, injection.at_s, injection.until_s)) return 0.0;
+  const double since_s = t_s - injection.at_s + kSlackSeconds;
   if (injection.period_s && std::fmod(since_s, *injection.period_s) >= 0.5 * *injection.period_s) {
     return 0.0;
   }
   if (injection.ramp_s > 0.0) return std::min(1.0, since_s / injection.ramp_s);
   return 1.0;
+}
+
+double injected_value(const Injection& injection, double t_s) noexcept {
+  const double a = activity(injection, t_s);
+  switch (injection.kind) {
+    case InjectionKind::kBias:
+      return a * injection.value;
+    case InjectionKind::kGain:
+      return 1.0 + a * (injection.value - 1.0);
+    case InjectionKind::kSinusoid:
+      return a * injection.value *
+             sinusoid(t_s - injection.at_s, injection.frequency_Hz, injection.phase_rad);
+  }
+  return 0.0;
 }
 
 FaultSchedule::FaultSchedule(const PlantModel& plant, std::vector<Injection> injections)
@@ -73,11 +103,11 @@ FaultSchedule::FaultSchedule(const PlantModel& plant, std::vector<Injection> inj
     } else if (const auto output = index_of(plant.output_names, injection.target)) {
       resolved_.push_back({Target::kOutput, *output});
     } else if (const auto component = index_of(components, injection.target)) {
-      if (injection.kind != InjectionKind::kBias) {
+      if (injection.kind == InjectionKind::kGain) {
         throw ScheduleError(
             i, "kind",
-            fmt::format("found \"{}\", expected \"bias\": \"{}\" is a fault of the plant "
-                        "file, not a channel",
+            fmt::format("found \"{}\", expected \"bias\" or \"sinusoid\": \"{}\" is a fault of the "
+                        "plant file, not a channel",
                         injection_kind_name(injection.kind), injection.target));
       }
       resolved_.push_back({Target::kComponent, *component});
@@ -101,29 +131,27 @@ void FaultSchedule::evaluate(double t_s, ActiveFaults& out) const noexcept {
   out.component.setZero();
   for (std::size_t i = 0; i < injections_.size(); ++i) {
     const Injection& injection = injections_[i];
-    const double a = activity(injection, t_s);
-    if (a == 0.0) continue;
+    if (activity(injection, t_s) == 0.0) continue;
     const Eigen::Index channel = resolved_[i].index;
     const bool is_gain = injection.kind == InjectionKind::kGain;
-    const double bias = a * injection.value;
-    const double gain = 1.0 + a * (injection.value - 1.0);
+    const double value = injected_value(injection, t_s);
     switch (resolved_[i].target) {
       case Target::kInput:
         if (is_gain) {
-          out.input_gain[channel] *= gain;
+          out.input_gain[channel] *= value;
         } else {
-          out.input_bias[channel] += bias;
+          out.input_bias[channel] += value;
         }
         break;
       case Target::kOutput:
         if (is_gain) {
-          out.output_gain[channel] *= gain;
+          out.output_gain[channel] *= value;
         } else {
-          out.output_bias[channel] += bias;
+          out.output_bias[channel] += value;
         }
         break;
       case Target::kComponent:
-        out.component[channel] += bias;
+        out.component[channel] += value;
         break;
     }
   }

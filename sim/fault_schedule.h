@@ -15,15 +15,17 @@ namespace faultline {
 class ScheduleError : public std::runtime_error {
  public:
   /// `what()` is "<field>: <text>".
-  ScheduleError(std::size_t injection, const std::string& field, const std::string& text)
-      : std::runtime_error(field + ": " + text), injection_(injection), field_(field) {}
-  /// Index of the offending entry, and which of its fields it is.
-  [[nodiscard]] std::size_t injection() const noexcept { return injection_; }
+  ScheduleError(std::size_t entry, const std::string& field, const std::string& text,
+                const std::string& table = "fault")
+      : std::runtime_error(field + ": " + text), entry_(entry), field_(field), table_(table) {}
+  /// Index of the offending entry of [[table]], and which of its fields it is.
+  [[nodiscard]] std::size_t entry() const noexcept { return entry_; }
   [[nodiscard]] const std::string& field() const noexcept { return field_; }
+  [[nodiscard]] const std::string& table() const noexcept { return table_; }
 
  private:
-  std::size_t injection_;
-  std::string field_;
+  std::size_t entry_;
+  std::string field_, table_;
 };
 
 /// The injected faults at one instant:

@@ -1,22 +1,26 @@
 #include "sim/plant_node.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "drivers/signal/cycle_counter.h"
 
 namespace faultline {
 
 PlantNode::PlantNode(const PlantModel& model, const SignalMap& map, const FaultSchedule& schedule,
-                     double sample_time_s, const Eigen::VectorXd& x_initial)
+                     double sample_time_s, const Eigen::VectorXd& x_initial,
+                     PerturbationSchedule perturbations, const Integration& integration)
     : map_(&map),
       schedule_(&schedule),
-      plant_(model, sample_time_s),
+      perturbations_(std::move(perturbations)),
+      plant_(model, sample_time_s, integration),
       sample_time_s_(sample_time_s),
       commands_(map.command_messages, map.input_names.size()),
       u_(map.input_names.size(), 0.0),
       y_(map.output_names.size(), 0.0),
       x_(x_initial),
-      faults_(schedule.none()) {
+      faults_(schedule.none()),
+      active_(perturbations_.none()) {
   plant_.reset(x_initial);
   if (map.sync) sync_protector_ = MessageProtector(map.sync->protection);
   sensor_protectors_ = protectors(map.sensor_messages);
@@ -30,8 +34,10 @@ void PlantNode::on_cycle(std::uint32_t k, FrameSink& sink) noexcept {
   if (is_late) ++late_cycles_;
   x_ = plant_.state();
 
-  schedule_->evaluate(static_cast<double>(k) * sample_time_s_, faults_);
-  plant_.measure(u_, faults_, y_);
+  const double t_s = static_cast<double>(k) * sample_time_s_;
+  schedule_->evaluate(t_s, faults_);
+  perturbations_.advance(t_s, active_);
+  plant_.measure(u_, faults_, active_, y_);
   CanFrame frame;
   if (map_->sync) {
     map_->sync->encode(k, newest_command_, frame);
@@ -43,7 +49,7 @@ void PlantNode::on_cycle(std::uint32_t k, FrameSink& sink) noexcept {
     sensor_protectors_[i].protect(frame);
     sink.send(frame);
   }
-  plant_.step(u_, faults_);
+  plant_.step(u_, faults_, active_);
 }
 
 void PlantNode::on_frame(const CanFrame& frame) noexcept {

@@ -11,6 +11,7 @@
 #include "drivers/signal/signal_map.h"
 #include "sim/fault_schedule.h"
 #include "sim/message_assembler.h"
+#include "sim/perturbation_schedule.h"
 #include "sim/plant.h"
 
 namespace faultline {
@@ -28,9 +29,10 @@ struct PlantTruth {
 /// that the map asks for. Owns no socket, thread or clock.
 class PlantNode {
  public:
-  /// `map` must outlive the node. @throws std::invalid_argument as LinearPlant.
+  /// `map` and `schedule` must outlive the node. @throws std::invalid_argument as SimulatedPlant.
   PlantNode(const PlantModel& model, const SignalMap& map, const FaultSchedule& schedule,
-            double sample_time_s, const Eigen::VectorXd& x_initial);
+            double sample_time_s, const Eigen::VectorXd& x_initial,
+            PerturbationSchedule perturbations = {}, const Integration& integration = {});
 
   /// Cycle k, k = 0, 1, 2, ... in order. Real-time: does not allocate.
   void on_cycle(std::uint32_t k, FrameSink& sink) noexcept;
@@ -44,6 +46,8 @@ class PlantNode {
   [[nodiscard]] const PlantTruth& truth() const noexcept { return truth_; }
   /// Absolute state at the start of the last cycle.
   [[nodiscard]] const Eigen::VectorXd& state() const noexcept { return x_; }
+  /// Disturbances and noise of the last cycle.
+  [[nodiscard]] const ActivePerturbations& perturbations() const noexcept { return active_; }
   [[nodiscard]] std::uint64_t late_cycles() const noexcept { return late_cycles_; }
   /// Sensor values that did not fit their signals and were sent clamped.
   [[nodiscard]] std::uint64_t clamped_values() const noexcept { return clamped_values_; }
@@ -53,7 +57,8 @@ class PlantNode {
  private:
   const SignalMap* map_;
   const FaultSchedule* schedule_;
-  LinearPlant plant_;
+  PerturbationSchedule perturbations_;
+  SimulatedPlant plant_;
   double sample_time_s_;
   MessageAssembler commands_;
   MessageProtector sync_protector_;
@@ -63,6 +68,7 @@ class PlantNode {
   std::vector<double> u_, y_;
   Eigen::VectorXd x_;
   ActiveFaults faults_;
+  ActivePerturbations active_;
   PlantTruth truth_;
   std::uint64_t late_cycles_ = 0;
   std::uint64_t clamped_values_ = 0;

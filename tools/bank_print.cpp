@@ -7,6 +7,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "tools/observer_print.h"
+
 namespace faultline {
 namespace {
 
@@ -217,14 +219,21 @@ void print_bank(std::FILE* out, const Bank& bank) {
   fmt::print(
       out,
       "\n  method {}, {} domain, {} residuals, isolates up to {} fault{} at a time, one step "
-      "every {:g} s\n  fires above its threshold for {} samples; a verdict needs its "
+      "every {:g} s\n  fires above its threshold for {} sample{}; a verdict needs its "
       "signature to stand for {};\n  a fault's size is estimated from {} samples\n",
-      bank.method, bank.domain == DesignDomain::kSampled ? "sampled" : "continuous",
-      bank.filters.size(), bank.concurrent, bank.concurrent == 1 ? "" : "s", bank.sample_time_s,
-      bank.decision.dwell, bank.decision.settle, bank.decision.window);
+      bank.method, domain_name(bank.domain), bank.filters.size(), bank.concurrent,
+      bank.concurrent == 1 ? "" : "s", bank.sample_time_s, bank.decision.dwell,
+      bank.decision.dwell == 1 ? "" : "s", bank.decision.settle, bank.decision.window);
+  if (bank.decision.clearing > bank.decision.settle) {
+    fmt::print(out,
+               "  while residuals clear, what is left of them is another fault only after {} "
+               "samples\n",
+               bank.decision.clearing);
+  }
   print_structure(out, bank);
   print_faults(out, bank);
   print_isolability(out, bank);
+  print_observer_proofs(out, bank);
 }
 
 }  // namespace faultline

@@ -22,6 +22,7 @@
 #include "tools/bench/certified_design.h"
 #include "tools/cli.h"
 #include "tools/design_json.h"
+#include "tools/observer_print.h"
 #include "tools/quantisation.h"
 
 namespace faultline {
@@ -68,8 +69,14 @@ void print_indistinguishable(std::FILE* out, const DesignResult& result) {
   }
 }
 
-void print_warnings(std::FILE* out, const DesignResult& result) {
+void print_warnings(std::FILE* out, const PlantModel& plant, const DesignResult& result) {
   const Bank& bank = result.bank;
+  if (bank.method == "geometric" && !plant.nonlinearities.empty()) {
+    fmt::print(
+        out,
+        "  WARNING  the geometric method takes the plant for linear: what its nonlinearities "
+        "add reaches the residuals like a disturbance; method \"uio\" reckons with them\n");
+  }
   for (const ResidualReport& report : result.residuals) {
     if (report.stability.tolerance_min > 1e-12 || report.stability.tolerance_max < 1e-6) {
       fmt::print(
@@ -122,7 +129,7 @@ class ProgressLine {
     if (!is_terminal_ || now - shown_ < kPeriod) return;
     shown_ = now;
     is_shown_ = true;
-    fmt::print(stderr, "\r  {} of {} residuals designed\033[K", done, total);
+    fmt::print(stderr, "\r  {} of {} steps of the design done\033[K", done, total);
     std::fflush(stderr);
   }
 
@@ -146,6 +153,7 @@ int design(const DesignArguments& arguments) {
   std::FILE* out = human_output(arguments.json);
   nlohmann::ordered_json json = design_json(result);
   print_verdict(out, plant, result);
+  print_observers(out, result);
   if (!result.bank.filters.empty()) print_bank(out, result.bank);
   print_failures(out, result);
   print_indistinguishable(out, result);
@@ -154,7 +162,7 @@ int design(const DesignArguments& arguments) {
     print_quantisation(out, result.bank, errors);
     json["quantisation"] = quantisation_json(result.bank, errors);
   }
-  print_warnings(out, result);
+  print_warnings(out, plant, result);
   if (!arguments.json.empty()) write_json(json, arguments.json);
   const bool has_partial_bank = !result.is_solvable && !result.bank.filters.empty();
   if (result.is_solvable || (has_partial_bank && arguments.is_partial)) {

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/bank_print.h"
+#include "tools/observer_print.h"
 
 namespace faultline {
 namespace {
@@ -171,6 +172,10 @@ Json design_json(const DesignResult& result) {
   json["residuals"] = Json::array();
   for (const ResidualReport& report : result.residuals) {
     json["residuals"].push_back(residual_json(result, report));
+  }
+  if (!result.observers.empty()) {
+    json["observers"] = observers_json(result);
+    json["observer_filters"] = observer_filters_json(result.bank);
   }
   return json;
 }

@@ -61,6 +61,24 @@ Json info_of_request(const std::filesystem::path& file, std::FILE* out) {
           {"concurrent", request.concurrent}, {"sample_time_s", request.sample_time_s}};
 }
 
+/// [[disturbance]] or [[noise]], as `what` says.
+Json info_of_perturbations(const std::vector<Perturbation>& perturbations, const char* what,
+                           std::FILE* out) {
+  Json json = Json::array();
+  for (const Perturbation& perturbation : perturbations) {
+    fmt::print(out, "  {} {} {} {} from {:g} s{}\n", what, perturbation.target,
+               perturbation_kind_name(perturbation.kind),
+               perturbation.size ? fmt::format("{:g}", *perturbation.size) : "at its bound",
+               perturbation.at_s,
+               perturbation.until_s ? fmt::format(" until {:g} s", *perturbation.until_s) : "");
+    json.push_back({{"target", perturbation.target},
+                    {"kind", perturbation_kind_name(perturbation.kind)},
+                    {"size", perturbation.size ? Json(*perturbation.size) : Json(nullptr)},
+                    {"at_s", perturbation.at_s}});
+  }
+  return json;
+}
+
 Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
   const Scenario scenario = read_scenario(file);
   fmt::print(out, "{}: scenario \"{}\", {:g} s\n  plant {}\n  bank  {}\n  dbc   {}\n",
@@ -83,6 +101,8 @@ Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
                               {"value", injection.value},
                               {"at_s", injection.at_s}});
   }
+  json["disturbances"] = info_of_perturbations(scenario.disturbances, "disturbance", out);
+  json["noises"] = info_of_perturbations(scenario.noises, "noise", out);
   for (const Expectation& expectation : scenario.expectations) {
     fmt::print(out, "  expects {} {} from {:g} to {:g} s\n", verdict_name(expectation.verdict),
                fmt::join(expectation.faults, ", "), expectation.from_s, expectation.until_s);

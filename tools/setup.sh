@@ -10,7 +10,7 @@ packages=(
   g++ libc6-dev binutils cmake ninja-build pkg-config
   # libraries
   liblcm-dev liblcm-bin libglib2.0-dev libeigen3-dev libboost-dev libtomlplusplus-dev
-  nlohmann-json3-dev libcli11-dev libfmt-dev
+  nlohmann-json3-dev libcli11-dev libfmt-dev libsdp-dev
   # tests and benchmarks
   libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev
   # interoperability tests and fuzzers

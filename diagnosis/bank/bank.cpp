@@ -6,6 +6,18 @@
 
 namespace faultline {
 
+std::string_view domain_name(DesignDomain domain) noexcept {
+  switch (domain) {
+    case DesignDomain::kSampled:
+      return "sampled";
+    case DesignDomain::kEuler:
+      return "euler";
+    case DesignDomain::kContinuous:
+      break;
+  }
+  return "continuous";
+}
+
 Eigen::Index Bank::residual_rows() const {
   Eigen::Index rows = 0;
   for (const ResidualFilter& filter : filters) {

@@ -1,10 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
+
+#include "diagnosis/model/nonlinearity.h"
 
 namespace faultline {
 
@@ -19,7 +23,16 @@ enum class Sensitivity {
 enum class DesignDomain {
   kContinuous,  ///< filter designed on (A, B), then discretised: y by first-order hold, u by ZOH
   kSampled,     ///< filter designed on the exactly sampled (A_d, B_d)
+  kEuler,       ///< filter designed on (I + A T, B T): for plants that are stepped like that
 };
+
+/// True for the domains in which the design is done on difference equations.
+[[nodiscard]] constexpr bool is_sampled(DesignDomain domain) noexcept {
+  return domain != DesignDomain::kContinuous;
+}
+
+/// "continuous", "sampled", "euler": as in bank files.
+[[nodiscard]] std::string_view domain_name(DesignDomain domain) noexcept;
 
 /// The rank decisions behind a filter: how far they are from flipping. Pivots of orthogonal
 /// decompositions in balanced coordinates, relative to the data's scale.
@@ -63,13 +76,95 @@ struct FilterCertificate {
   RankCertificate rank;
 };
 
+/// A Lipschitz term of an observer: adds W (φ(s_k) - c s_k), s_k = a_v v_k + a_y y_k + a_u u_k, to
+/// v_k+1.
+struct FilterNonlinearity {
+  NonlinearFunction function;  ///< φ
+  double center = 0.0;         ///< c: the middle of the slopes of φ, which F has in it
+  double radius = 0.0;         ///< |slope - c| at most
+  Eigen::VectorXd W;           ///< d; the gain is in it
+  Eigen::VectorXd a_v;         ///< d (a row of the equation)
+  Eigen::VectorXd a_y;         ///< q (likewise)
+  Eigen::VectorXd a_u;         ///< m (likewise)
+};
+
+/// How a residual is evaluated, and against what.
+enum class Evaluation {
+  kNorm,       ///< ‖Ω r‖₂ against J(k), or against a constant τ
+  kComponent,  ///< max_i |r_i| / r̄_i(k) against 1
+};
+
+/// Thresholds that hold from the first sample after start-up or a reset on, whatever the state of
+/// the plant is then (within the ranges of its file). Row, or entry, k is that of sample k; the
+/// last one holds for all later ones.
+struct ThresholdCourse {
+  Eigen::MatrixXd weight;     ///< Ω, rows×rows
+  Eigen::VectorXd norm;       ///< J(k): the quadratic threshold; > 0, at least one
+  Eigen::MatrixXd component;  ///< r̄(k), samples×rows: the componentwise one; > 0, as many
+};
+
+/// Its residual is an estimate of the size of a fault. Proved, with all noises, disturbances and
+/// slopes within their bounds: if no fault but this one acts, and it has been constant for
+/// `settle_samples` since it began, up to its size, then |r - m| <= bound (once the part of the
+/// start-up is over, in which the course of thresholds is above its last row). `bound` is the
+/// largest error without a fault and 5 % of that for what is left of the step.
+struct FaultEstimation {
+  std::size_t fault = 0;
+  double bound = 0.0;                ///< in the fault's unit
+  std::uint32_t settle_samples = 0;  ///< of a step of its size
+};
+
+/// An observer x̂_k = v_k + T (y_k - D u_k) of x_k = (state; sizes of the faults that it carries as
+/// states, m_k+1 = m_k + drift), and what was proved of its error e = x - x̂. With
+///
+///   S = I - T C,   N = S A - Γ C   (A, C: plant in the bank's domain, faults that are states
+///   behind
+///                                   the plant's own, slopes of φ at their middle in A)
+///   Λ = Σ E_o δ_i E_i,   |δ_i| <= radius of φ_i times its gain
+///   w = (disturbances; noises; drifts): x_k+1 = .. + M w_k, y_k = .. + W w_k, |w_i| <= w̄_i
+///
+///   e_k+1 = (N + S Λ_k) e_k + (S M - Γ W) w_k - T W w_k+1 + (faults)
+///   r_k   = R e_k + Q w_k + (faults):   y - ŷ (R = C, Q = W), or the estimate m̂ itself
+///
+/// Quadratic bound: with V = eᵀPe, at every vertex of Λ,
+///
+///   [A_e B_e]ᵀ P [A_e B_e] <= diag(α P, (1 - α) diag(μ_now, μ_next))
+///   [R Q]ᵀ ΩᵀΩ [R Q] <= diag(P, diag(μ_direct))
+///
+/// hence ‖Ω r_k‖² <= J(k)² = α^k λ_max(P) ‖e_0‖² + (1 - α^k) Σ (μ_now + μ_next) w̄² + Σ μ_direct w̄².
+/// A filter that is evaluated row by row may do without P; then it has no J. Thresholds are those
+/// of the plant without a fault: drifts count as 0 in them, and |e_0| <= |S| x̄ + |T W| w̄.
+/// docs/decisions say where this differs from Ma, Gao, Guo (2024).
+struct ObserverCertificate {
+  std::vector<std::size_t> fault_states;  ///< indices of the faults it carries as states
+  Eigen::VectorXd drift_bound;  ///< per fault state: largest change per sample that P allows
+  Eigen::MatrixXd T;            ///< (n + fault states)×q
+  Eigen::MatrixXd gain;         ///< Γ, (n + fault states)×q
+  double alpha = 0.0;           ///< α
+  Eigen::MatrixXd P;            ///< symmetric, to the bit
+  Eigen::VectorXd mu_now, mu_next, mu_direct;  ///< per entry of w; zero where it does not enter
+  /// Smallest gain ‖Ω r‖₂ / ‖m‖₂ of the `detects` over the band, with Λ constant; 0: none was asked
+  /// for.
+  double beta = 0.0;
+  std::vector<std::size_t> detects;  ///< indices of the faults that β is about
+  double band_low_rad = 0.0;         ///< per sample, 0 .. π
+  double band_high_rad = 0.0;
+  std::vector<double>
+      vertex_radius;  ///< ρ(N + S Λ) per vertex: bit i of its number: δ_i at its largest
+  /// Per fault, in its unit, of a constant one, worst over the vertices: where the residual's value
+  /// at rest reaches the threshold, and twice that, which no disturbance can hide; 0: it never
+  /// does.
+  std::vector<double> nominal_fault, guaranteed_fault;
+};
+
 /// One residual generator in its implementation form (inputs y, u), discrete time:
 ///
-///   v_k+1 = F v_k - E y_k + G u_k
+///   v_k+1 = F v_k - E y_k + G u_k + Σ W_i (φ_i(s_i) - c_i s_i)
 ///   r_k   = M v_k - H y_k + K u_k
 ///
-/// v: d, y: q, u: m, r: rows. First-order hold of y is already folded in: v = w + E_1 y,
-/// where w_k+1 = F w_k - E_0 y_k - E_1 y_k+1 + G u_k and E = E_0 + F E_1.
+/// (the sum is an observer's; other filters are linear.) v: d, y: q, u: m, r: rows. First-order
+/// hold of y is already folded in: v = w + E_1 y, where w_k+1 = F w_k - E_0 y_k - E_1 y_k+1 + G u_k
+/// and E = E_0 + F E_1.
 ///
 /// To faults, held over a sample, it responds (internal form) as
 ///
@@ -83,9 +178,20 @@ struct ResidualFilter {
   std::vector<std::size_t> ignores;  ///< indices of the faults it is decoupled from
   std::vector<Sensitivity> sees;     ///< per fault: this residual's row of the structure matrix
   Eigen::MatrixXd F, E, G, M, H, K;
-  Eigen::MatrixXd L, J;              ///< d×k, rows×k: per fault, in its unit
-  double threshold = 0.0;            ///< τ: it fires when its evaluation is > τ
+  Eigen::MatrixXd L, J;    ///< d×k, rows×k: per fault, in its unit
+  double threshold = 0.0;  ///< τ: it fires when its evaluation is > τ; with a course the
+                           ///< one that holds in the end: the last J(k), or 1
   std::uint32_t forget_samples = 0;  ///< samples a bad sample contaminates it for
+  /// A constant fault that it sees only in transients, up to 10 times its size, makes it fire for
+  /// so long at most: what fires longer is not explained by such a fault. Proved for observers:
+  /// from then on the fault adds at most 5 % of the threshold, so that to fire takes 95 % of it
+  /// from noise and disturbances. 0: not known, or there is no such fault.
+  std::uint32_t transient_samples = 0;
+  std::vector<FilterNonlinearity> nonlinearities{};
+  Evaluation evaluation = Evaluation::kNorm;    ///< kComponent: only with a course
+  std::optional<ThresholdCourse> course{};      ///< absent: τ at all times
+  std::optional<FaultEstimation> estimation{};  ///< if its residual is an estimate
+  std::optional<ObserverCertificate> observer{};
   FilterCertificate certificate;
 };
 
@@ -121,8 +227,11 @@ struct IsolabilityCertificate {
 
 /// How fired residuals become a verdict.
 struct DecisionRule {
-  std::uint32_t dwell = 3;    ///< samples a residual must exceed, and stay below, its threshold
-  std::uint32_t settle = 3;   ///< samples a signature must stand before its verdict is announced
+  std::uint32_t dwell = 3;   ///< samples a residual must exceed, and stay below, its threshold
+  std::uint32_t settle = 3;  ///< samples a signature must stand before its verdict is announced
+  /// The same where residuals have only cleared since the last announcement and yet other faults
+  /// would be named: residuals that clear one after the other. 0: as `settle`.
+  std::uint32_t clearing = 0;
   std::uint32_t window = 50;  ///< samples from which the size of an isolated fault is estimated
 };
 
@@ -145,7 +254,7 @@ inline constexpr std::size_t kMaxDecisionWords = std::size_t{1} << 24;
 /// lists here.
 struct Bank {
   std::string name;
-  std::string method;  ///< "geometric", ...
+  std::string method;  ///< "geometric", "uio"
   std::string plant_name;
   std::string plant_digest;    ///< plant_digest() of the plant it was designed for
   std::string request_digest;  ///< of the bank.toml it was designed from

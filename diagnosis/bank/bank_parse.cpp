@@ -1,5 +1,6 @@
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <unordered_set>
@@ -10,6 +11,7 @@
 
 #include "diagnosis/bank/bank_file.h"
 #include "diagnosis/bank/json_cursor.h"
+#include "diagnosis/bank/observer_parse.h"
 
 namespace faultline {
 namespace {
@@ -17,6 +19,9 @@ namespace {
 // Bound against hostile files, far above any plant: eigenvalues of one F of this order take about a
 // second, and channels times order stay within the file's size anyway.
 constexpr std::size_t kMaxOrder = 512;
+
+// Likewise: an observer's course has some thousands.
+constexpr std::size_t kMaxCourseRows = 100'000;
 
 std::vector<Sensitivity> read_sensitivities(const JsonCursor& list, std::size_t fault_count) {
   constexpr std::array kSensitivities = {Sensitivity::kNone, Sensitivity::kTransient,
@@ -92,7 +97,8 @@ void read_matrices(const std::vector<JsonCursor>& at, const Bank& bank, Residual
 ResidualFilter read_filter(const JsonCursor& object, const Bank& bank) {
   const std::vector<JsonCursor> at =
       object.members({"F", "E", "G", "M", "H", "K", "L", "J", "name", "ignores", "sees",
-                      "threshold", "forget_samples", "certificate"});
+                      "threshold", "forget_samples", "certificate"},
+                     {"observer"});
   ResidualFilter filter;
   filter.name = at[8].string();
   filter.ignores = at[9].indices(bank.fault_names);
@@ -102,6 +108,9 @@ ResidualFilter read_filter(const JsonCursor& object, const Bank& bank) {
   filter.threshold = at[11].positive();
   filter.forget_samples = at[12].count(0);
   filter.certificate = read_certificate(at[13], bank);
+  if (const std::optional<JsonCursor> observer = object.member("observer")) {
+    read_observer(*observer, bank, filter);
+  }
   return filter;
 }
 
@@ -155,12 +164,22 @@ void refuse_large_decision_table(const JsonCursor& concurrent, const Bank& bank,
 
 void read_filters(const JsonCursor& list, Bank& bank) {
   std::unordered_set<std::string> names;
+  std::size_t course_rows = 0;
   for (const JsonCursor& element : list.elements()) {
     bank.filters.push_back(read_filter(element, bank));
     const std::string& name = bank.filters.back().name;
     if (!names.insert(name).second) {
       throw element.error(
           fmt::format("found a second filter \"{}\", expected different names", name));
+    }
+    if (const std::optional<ThresholdCourse>& course = bank.filters.back().course) {
+      course_rows += static_cast<std::size_t>(course->norm.size());
+    }
+    if (course_rows > kMaxCourseRows) {
+      throw element.error(
+          fmt::format("found {} samples of thresholds up to here, expected courses of at most {} "
+                      "in all filters together",
+                      course_rows, kMaxCourseRows));
     }
   }
 }
@@ -193,14 +212,19 @@ Bank read_tree(const JsonCursor& root) {
   bank.plant_name = plant[0].string();
   bank.plant_digest = plant[1].string();
   bank.request_digest = at[9].string();
-  bank.domain = at[10].choice({"continuous", "sampled"}) == 1 ? DesignDomain::kSampled
-                                                              : DesignDomain::kContinuous;
+  constexpr std::array kDomains = {DesignDomain::kContinuous, DesignDomain::kSampled,
+                                   DesignDomain::kEuler};
+  bank.domain = kDomains[at[10].choice({"continuous", "sampled", "euler"})];
   bank.sample_time_s = at[11].positive();
   bank.concurrent = at[12].count(1);
   refuse_large_decision_table(at[12], bank, at[16].elements().size());
   bank.disturbances = read_disturbances(at[13]);
-  const std::vector<JsonCursor> decision = at[14].members({"dwell", "settle", "window"});
-  bank.decision = {decision[0].count(1), decision[1].count(1), decision[2].count(1)};
+  const std::vector<JsonCursor> decision =
+      at[14].members({"dwell", "settle", "window"}, {"clearing"});
+  bank.decision.dwell = decision[0].count(1);
+  bank.decision.settle = decision[1].count(1);
+  bank.decision.window = decision[2].count(1);
+  if (const auto clearing = at[14].member("clearing")) bank.decision.clearing = clearing->count(1);
   bank.isolability = read_isolability(at[15], bank);
   read_filters(at[16], bank);
   return bank;

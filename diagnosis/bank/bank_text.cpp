@@ -1,5 +1,3 @@
-#include <cassert>
-#include <cmath>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -9,48 +7,12 @@
 #include <fmt/ranges.h>
 
 #include "diagnosis/bank/bank_file.h"
+#include "diagnosis/bank/json_text.h"
 #include "diagnosis/bank/json_tree.h"
+#include "diagnosis/bank/observer_text.h"
 
 namespace faultline {
 namespace {
-
-using Eigen::Index;
-using Eigen::MatrixXd;
-
-std::string name_list(const std::vector<std::string>& names) {
-  std::vector<std::string> quoted;
-  for (const std::string& name : names) {
-    quoted.push_back(json_string(name));
-  }
-  return fmt::format("[{}]", fmt::join(quoted, ", "));
-}
-
-template <class Numbers>
-std::string number_list(const Numbers& numbers) {
-  std::vector<std::string> texts;
-  for (const double number : numbers) {
-    assert(std::isfinite(number));
-    texts.push_back(json_number(number));
-  }
-  return fmt::format("[{}]", fmt::join(texts, ", "));
-}
-
-// One row per line, at `indent` spaces.
-std::string matrix_text(const MatrixXd& matrix, int indent) {
-  std::vector<std::string> rows;
-  for (Index i = 0; i < matrix.rows(); ++i) {
-    rows.push_back(number_list(Eigen::VectorXd(matrix.row(i))));
-  }
-  return fmt::format("[{}]", fmt::join(rows, fmt::format(",\n{:{}}", "", indent)));
-}
-
-std::vector<std::string> fault_names(const Bank& bank, const std::vector<std::size_t>& faults) {
-  std::vector<std::string> names;
-  for (const std::size_t j : faults) {
-    names.push_back(bank.fault_names[j]);
-  }
-  return names;
-}
 
 std::vector<std::string> sensitivity_names(const std::vector<Sensitivity>& sees) {
   std::vector<std::string> names;
@@ -80,7 +42,8 @@ std::string isolability_text(const Bank& bank) {
   std::vector<std::string> sets;
   for (const ConfusableFaults& set : isolability.confusable) {
     sets.push_back(fmt::format("{{\"faults\": {}, \"weights\": {}}}",
-                               name_list(fault_names(bank, set.faults)), number_list(set.weights)));
+                               name_list(names_of(bank.fault_names, set.faults)),
+                               number_list(set.weights)));
   }
   return fmt::format(
       "{{\"signatures_distinct\": {}, \"strongly_isolable\": {}, \"list_complete\": {}, "
@@ -121,7 +84,8 @@ std::string filter_text(const Bank& bank, const ResidualFilter& filter) {
   constexpr int kRowIndent = 12;
   std::string text = "    {\n";
   text += fmt::format("      \"name\": {},\n", json_string(filter.name));
-  text += fmt::format("      \"ignores\": {},\n", name_list(fault_names(bank, filter.ignores)));
+  text += fmt::format("      \"ignores\": {},\n",
+                      name_list(names_of(bank.fault_names, filter.ignores)));
   text += fmt::format("      \"sees\": {},\n", name_list(sensitivity_names(filter.sees)));
   for (const auto& [letter, matrix] :
        {std::pair{'F', &filter.F}, std::pair{'E', &filter.E}, std::pair{'G', &filter.G},
@@ -131,6 +95,9 @@ std::string filter_text(const Bank& bank, const ResidualFilter& filter) {
   }
   text += fmt::format("      \"threshold\": {},\n", json_number(filter.threshold));
   text += fmt::format("      \"forget_samples\": {},\n", filter.forget_samples);
+  if (is_observer(filter)) {
+    text += fmt::format("      \"observer\": {},\n", observer_text(bank, filter));
+  }
   text += fmt::format("      \"certificate\": {}\n    }}", certificate_text(filter.certificate));
   return text;
 }
@@ -148,8 +115,7 @@ std::string bank_text(const Bank& bank) {
   text += fmt::format("  \"plant\": {{\"name\": {}, \"digest\": {}}},\n",
                       json_string(bank.plant_name), json_string(bank.plant_digest));
   text += fmt::format("  \"request_digest\": {},\n", json_string(bank.request_digest));
-  text += fmt::format("  \"domain\": \"{}\",\n",
-                      bank.domain == DesignDomain::kSampled ? "sampled" : "continuous");
+  text += fmt::format("  \"domain\": \"{}\",\n", domain_name(bank.domain));
   text += fmt::format("  \"sample_time_s\": {},\n", json_number(bank.sample_time_s));
   text += fmt::format("  \"concurrent\": {},\n", bank.concurrent);
   text += fmt::format("  \"inputs\": {},\n", name_list(bank.input_names));
@@ -159,8 +125,10 @@ std::string bank_text(const Bank& bank) {
   text += fmt::format("  \"operating_point\": {{\"u\": {}, \"y\": {}}},\n",
                       number_list(bank.u_operating), number_list(bank.y_operating));
   text += fmt::format("  \"disturbances\": {},\n", disturbances_text(bank.disturbances));
-  text += fmt::format("  \"decision\": {{\"dwell\": {}, \"settle\": {}, \"window\": {}}},\n",
-                      bank.decision.dwell, bank.decision.settle, bank.decision.window);
+  text += fmt::format(
+      "  \"decision\": {{\"dwell\": {}, \"settle\": {}, \"window\": {}{}}},\n", bank.decision.dwell,
+      bank.decision.settle, bank.decision.window,
+      bank.decision.clearing == 0 ? "" : fmt::format(", \"clearing\": {}", bank.decision.clearing));
   text += fmt::format("  \"isolability\": {},\n", isolability_text(bank));
   text += fmt::format("  \"filters\": [\n{}\n  ]\n}}\n", fmt::join(filters, ",\n"));
   return text;

@@ -47,27 +47,42 @@ BankFileError JsonCursor::expected(const std::string& what) const {
   return error(fmt::format("found {}, expected {}", describe(*value_), what));
 }
 
-std::vector<JsonCursor> JsonCursor::members(std::initializer_list<std::string_view> keys) const {
+std::vector<JsonCursor> JsonCursor::members(
+    std::initializer_list<std::string_view> keys,
+    std::initializer_list<std::string_view> optional_keys) const {
   if (value_->kind != JsonValue::Kind::kObject) {
     throw expected("an object");
   }
+  std::vector<std::string_view> known(keys);
+  known.insert(known.end(), optional_keys.begin(), optional_keys.end());
   for (std::size_t i = 0; i < value_->keys.size(); ++i) {
-    if (std::find(keys.begin(), keys.end(), value_->keys[i]) == keys.end()) {
+    if (std::find(known.begin(), known.end(), value_->keys[i]) == known.end()) {
       throw error_at(value_->key_offsets[i], path_,
                      fmt::format("found unknown key \"{}\", expected one of {}", value_->keys[i],
-                                 fmt::join(keys, ", ")));
+                                 fmt::join(known, ", ")));
     }
   }
   std::vector<JsonCursor> found;
   for (const std::string_view key : keys) {
-    const auto at = std::find(value_->keys.begin(), value_->keys.end(), key);
-    if (at == value_->keys.end()) {
+    const std::optional<JsonCursor> value = member(key);
+    if (!value) {
       throw error(fmt::format("found no \"{}\", expected it", key));
     }
-    const auto index = static_cast<std::size_t>(at - value_->keys.begin());
-    found.push_back(child(index, path_.empty() ? *at : path_ + "." + *at));
+    found.push_back(*value);
   }
   return found;
+}
+
+std::optional<JsonCursor> JsonCursor::member(std::string_view key) const {
+  if (value_->kind != JsonValue::Kind::kObject) {
+    throw expected("an object");
+  }
+  const auto at = std::find(value_->keys.begin(), value_->keys.end(), key);
+  if (at == value_->keys.end()) {
+    return std::nullopt;
+  }
+  const auto index = static_cast<std::size_t>(at - value_->keys.begin());
+  return child(index, path_.empty() ? *at : path_ + "." + *at);
 }
 
 std::vector<JsonCursor> JsonCursor::elements() const {
@@ -172,6 +187,22 @@ std::vector<std::size_t> JsonCursor::indices(const std::vector<std::string>& nam
     indices.push_back(i);
   }
   return indices;
+}
+
+std::size_t JsonCursor::index(const std::vector<std::string>& names) const {
+  const auto found = std::find(names.begin(), names.end(), string());
+  if (found == names.end()) {
+    throw expected("the name of a fault");
+  }
+  return static_cast<std::size_t>(found - names.begin());
+}
+
+std::vector<double> JsonCursor::numbers() const {
+  std::vector<double> values;
+  for (const JsonCursor& element : elements()) {
+    values.push_back(element.number());
+  }
+  return values;
 }
 
 std::vector<double> JsonCursor::not_negatives(std::size_t size) const {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <initializer_list>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,8 +30,13 @@ class JsonCursor {
   /// "found ..., expected `what`".
   [[nodiscard]] BankFileError expected(const std::string& what) const;
 
-  /// The object's values in the order of `keys`; all must be there, and nothing else.
-  [[nodiscard]] std::vector<JsonCursor> members(std::initializer_list<std::string_view> keys) const;
+  /// The object's values in the order of `keys`; all must be there, and nothing else but
+  /// `optional_keys`, whose values member() gives.
+  [[nodiscard]] std::vector<JsonCursor> members(
+      std::initializer_list<std::string_view> keys,
+      std::initializer_list<std::string_view> optional_keys = {}) const;
+  /// The object's value `key`, if it is there.
+  [[nodiscard]] std::optional<JsonCursor> member(std::string_view key) const;
   [[nodiscard]] std::vector<JsonCursor> elements() const;
   [[nodiscard]] std::vector<JsonCursor> elements(std::size_t count) const;
 
@@ -46,6 +52,9 @@ class JsonCursor {
   [[nodiscard]] std::size_t choice(std::initializer_list<std::string_view> choices) const;
   /// Indices of a list of strings in `names`, each at most once.
   [[nodiscard]] std::vector<std::size_t> indices(const std::vector<std::string>& names) const;
+  /// Index of the string in `names`.
+  [[nodiscard]] std::size_t index(const std::vector<std::string>& names) const;
+  [[nodiscard]] std::vector<double> numbers() const;
   [[nodiscard]] std::vector<double> not_negatives(std::size_t size) const;
   [[nodiscard]] Eigen::VectorXd vector(std::size_t size) const;
   [[nodiscard]] Eigen::MatrixXd matrix(std::size_t rows, std::size_t cols) const;

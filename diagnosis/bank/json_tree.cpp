@@ -11,9 +11,10 @@
 namespace faultline {
 namespace {
 
-// A bank nests file > filters > filter > matrix > row: 5; the rest is slack.
+// A bank nests file > filters > filter > observer > nonlinearities > term > function > list: 8; the
+// rest is slack.
 constexpr std::size_t kMaxDepth = 16;
-// A bank's largest object has 14 keys; the bound keeps the search for repeated keys cheap.
+// A bank's largest object has 17 keys; the bound keeps the search for repeated keys cheap.
 constexpr std::size_t kMaxKeys = 64;
 
 // Reads characters and counts them, so that a parser's event can be placed in the text.

@@ -7,6 +7,7 @@
 
 #include "diagnosis/certify/filter_proof.h"
 #include "diagnosis/certify/isolability.h"
+#include "diagnosis/certify/observer_proof.h"
 
 namespace faultline {
 namespace {
@@ -25,6 +26,9 @@ void certify(const PlantModel& plant, Bank& bank) {
   check_count("outputs", bank.output_names.size(), plant.output_names.size());
   check_count("faults", bank.fault_names.size(), plant.faults.size());
   check_count("disturbances", bank.disturbances.size(), plant.disturbances.size());
+  for (ResidualFilter& filter : bank.filters) {
+    if (filter.observer) certify_observer(plant, bank, filter);
+  }
   BankProof proof(plant, bank);
   for (ResidualFilter& filter : bank.filters) {
     filter.certificate = proof.prove(filter).certificate;

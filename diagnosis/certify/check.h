@@ -37,6 +37,11 @@ struct CheckResult {
 ///   disturbances per bound, either per unit if it has none;
 /// - faults that it sees in another way than `sees` says; a sample count in `forget_samples` that
 ///   is not the filter's; L and J that are not its response to the faults;
+/// - of an observer: matrices and Lipschitz terms that are not those of T, Γ and the plant; bounds
+///   that its P, μ do not prove, or that the plant file does not give; β above the least gain in
+///   its band (a smaller one is true, too); thresholds, sample by sample, bound and times of its
+///   estimate, that are not what is recomputed; of any other filter: such claims at all. Drift
+///   bounds need only be positive: thresholds are those without a fault;
 /// - any number of a certificate that differs from the recomputed one by more than 1e-6 of it and
 ///   more than the rounding errors of its terms, and any difference in `isolability`.
 ///

@@ -32,7 +32,7 @@ constexpr std::array kBandFractions = {1.0, 0.5, 0.25, 0.1};
 double rounding_error(double possible) { return kRoundingError * possible; }
 
 FilterLoop::FilterLoop(SampledPlant& plant, const ResidualFilter& filter)
-    : plant_(plant), H_(filter.H), K_(filter.K), J_(filter.J) {
+    : plant_(plant), evaluation_(filter), H_(filter.H), K_(filter.K), J_(filter.J) {
   MatrixXd inputs(filter.F.rows(), filter.E.cols() + filter.G.cols());
   inputs << filter.E, filter.G;
   const VectorXd scales = state_scales(filter.F, inputs, filter.M);
@@ -120,6 +120,7 @@ FilterLoop::Gains FilterLoop::at(double angle) const {
   gains.possible.head(m) +=
       through.middleCols(q, m).colwise().norm().transpose() + K_.colwise().norm().transpose();
   gains.stored_gain = from_m.colwise().norm().transpose();
+  gains.fault_response = T.middleCols(m, k);
   gains.internal_error = (T.middleCols(m, k) + from_m).colwise().norm().transpose();
   return gains;
 }
@@ -169,8 +170,11 @@ const VectorXd& FilterLoop::FaultStep::advance() {
   next_.noalias() -= loop_.V_1_ * plant_.s_1();
   e_.swap(next_);
   plant_.advance();
-  norms_ = r_.colwise().norm().transpose();
-  return norms_;
+  evaluations_.resize(r_.cols());
+  for (Index j = 0; j < r_.cols(); ++j) {
+    evaluations_[j] = loop_.evaluation_.of(r_.col(j));
+  }
+  return evaluations_;
 }
 
 }  // namespace faultline

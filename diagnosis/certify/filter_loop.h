@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 
 #include "diagnosis/bank/bank.h"
+#include "diagnosis/certify/residual_evaluation.h"
 #include "diagnosis/certify/sampled_plant.h"
 
 namespace faultline {
@@ -27,7 +28,8 @@ class FilterLoop {
     Eigen::VectorXd gain;         ///< ‖T‖₂
     Eigen::VectorXd possible;     ///< what the paths could add up to if nothing cancelled
     Eigen::VectorXd stored_gain;  ///< per fault: ‖M (zI - F)⁻¹ L + J‖₂ of the stored L, J
-    Eigen::VectorXd internal_error;  ///< per fault: ‖T + M (zI - F)⁻¹ L + J‖₂
+    Eigen::VectorXd internal_error;   ///< per fault: ‖T + M (zI - F)⁻¹ L + J‖₂
+    Eigen::MatrixXcd fault_response;  ///< rows×k: T of the faults
   };
   [[nodiscard]] Gains at(double angle) const;
 
@@ -44,7 +46,11 @@ class FilterLoop {
   /// -ln ρ(F), at most π: the rate of the slowest pole, per sample.
   [[nodiscard]] double band() const;
 
-  /// ‖r‖₂ per unit of each fault, sample by sample from the onset of its step. The slow modes ξ_1
+  /// How the filter's residual is evaluated.
+  [[nodiscard]] const ResidualEvaluation& evaluation() const { return evaluation_; }
+
+  /// The evaluation of r per unit of each fault, sample by sample from the onset of its step. The
+  /// slow modes ξ_1
   /// that the filter cancels only nearly are left out: no bench lets them grow.
   class FaultStep {
    public:
@@ -56,7 +62,7 @@ class FilterLoop {
     const FilterLoop& loop_;
     SampledPlant::FaultStep plant_;
     Eigen::MatrixXd e_, next_, r_;
-    Eigen::VectorXd norms_;
+    Eigen::VectorXd evaluations_;
   };
 
  private:
@@ -64,6 +70,7 @@ class FilterLoop {
   void solve_sylvester();
 
   SampledPlant& plant_;
+  ResidualEvaluation evaluation_;
   Eigen::MatrixXd F_, E_, G_, M_, L_;  // balanced
   Eigen::MatrixXd H_, K_, J_;
   Eigen::MatrixXd V_1_;

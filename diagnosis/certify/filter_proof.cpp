@@ -39,7 +39,7 @@ double largest_stable_radius(const Bank& bank) {
 // y between samples is taken as a line: off by the square of the sample time times the plant's
 // rates, relative to a response to a held fault by one power less.
 double response_tolerance(const PlantModel& plant, const Bank& bank) {
-  if (bank.domain == DesignDomain::kSampled || plant.n() == 0) {
+  if (is_sampled(bank.domain) || plant.n() == 0) {
     return kExactResponse;
   }
   const VectorXd scales = state_scales(plant.A, plant.B, plant.C);
@@ -168,7 +168,11 @@ class GainAnalysis {
     proof.fault_noise.resize(k);
     proof.stored_gain.resize(k);
     proof.internal_error.resize(k);
+    rest_evaluation_.resize(k);
   }
+
+  /// Per fault, per fault size: the evaluation of the residual at rest.
+  [[nodiscard]] const std::vector<double>& rest_evaluation() const { return rest_evaluation_; }
 
   void add(double angle) {
     const FilterLoop::Gains gains = loop_.at(angle);
@@ -185,6 +189,8 @@ class GainAnalysis {
       const double shown = gain > rounding_error(possible) ? gain : 0.0;
       if (angle == 0.0) {
         certificate.dc_gain[j] = shown;
+        const VectorXd response = gains.fault_response.col(static_cast<Index>(j)).real();
+        rest_evaluation_[j] = shown > 0.0 ? size * loop_.evaluation().of(response) : 0.0;
       }
       if (angle <= loop_.band()) {
         certificate.band_gain[j] = std::min(certificate.band_gain[j], shown);
@@ -214,6 +220,7 @@ class GainAnalysis {
   const Bank& bank_;
   const FilterLoop& loop_;
   FilterProof& proof_;
+  std::vector<double> rest_evaluation_;
 };
 
 void check_finite(const ResidualFilter& filter, const FilterCertificate& certificate) {
@@ -275,8 +282,9 @@ FilterProof BankProof::prove(const ResidualFilter& filter) {
   certificate.smallest_fault.assign(k, 0.0);
   certificate.delay_s.assign(k, 0.0);
   for (std::size_t j = 0; j < k; ++j) {
-    if (filter.sees[j] == Sensitivity::kSteady && certificate.dc_gain[j] > 0.0) {
-      const double smallest = filter.threshold * plant_.faults[j].size / certificate.dc_gain[j];
+    const double evaluation = gains.rest_evaluation()[j];
+    if (filter.sees[j] == Sensitivity::kSteady && evaluation > 0.0) {
+      const double smallest = filter.threshold * plant_.faults[j].size / evaluation;
       certificate.smallest_fault[j] = std::isfinite(smallest) ? smallest : 0.0;
     }
   }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <initializer_list>
 
+#include "diagnosis/certify/power_bound.h"
+
 namespace faultline {
 namespace {
 
@@ -11,20 +13,6 @@ using Eigen::VectorXd;
 
 constexpr double kForgottenPart = 0.01;
 constexpr std::uint32_t kLongest = 1'000'000;
-// F^(2^20) is beyond the longest time.
-constexpr int kMostSquarings = 20;
-
-// A bound of ‖F^i‖_F over all i: F^(2^s) is a contraction from some s on, and every power below it
-// is a product of squares.
-double largest_power(const MatrixXd& F) {
-  MatrixXd power = F;
-  double bound = std::max(1.0, MatrixXd::Identity(F.rows(), F.cols()).norm());
-  for (int s = 0; s < kMostSquarings && power.norm() >= 1.0; ++s) {
-    bound *= std::max(1.0, power.norm());
-    power = (power * power).eval();
-  }
-  return bound;
-}
 
 double largest_of(const VectorXd& values) { return values.size() == 0 ? 0.0 : values.maxCoeff(); }
 

@@ -262,7 +262,9 @@ bool are_signatures_distinct(const Bank& bank) {
   for (std::size_t j = 0; j < bank.fault_names.size(); ++j) {
     std::vector<bool> column;
     for (const ResidualFilter& filter : bank.filters) {
-      column.push_back(filter.sees[j] != Sensitivity::kNone);
+      // What fades, and is told from what stays, leaves no mark in the end.
+      const bool fades = filter.transient_samples > 0 && filter.sees[j] == Sensitivity::kTransient;
+      column.push_back(filter.sees[j] != Sensitivity::kNone && !fades);
     }
     seen_by.push_back(std::move(column));
   }

@@ -7,7 +7,8 @@ namespace faultline {
 
 /// What plant and bank can tell apart.
 ///
-/// Signatures: from `sees` of the bank's filters, for all sets of up to p faults.
+/// Signatures: from `sees` of the bank's filters, for all sets of up to p faults; of a filter with
+/// `transient_samples` those in which what it sees in transients has faded.
 ///
 /// Strong isolability: T(λ) = C (λI - A)⁻¹ L + D from faults to outputs, modulo the columns of the
 /// decoupled disturbances, in the bank's domain. Fault sets Ω_1, Ω_2 of up to p faults with the

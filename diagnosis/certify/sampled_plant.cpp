@@ -5,15 +5,13 @@
 #include <complex>
 #include <limits>
 #include <numbers>
-#include <stdexcept>
 
 #include <Eigen/LU>
 #include <Eigen/QR>
-#include <fmt/format.h>
 
 #include "diagnosis/certify/balance.h"
 #include "diagnosis/certify/ordered_schur.h"
-#include "diagnosis/model/discretize.h"
+#include "diagnosis/certify/plant_step.h"
 
 namespace faultline {
 namespace {
@@ -63,35 +61,6 @@ Inputs all_inputs(const PlantModel& plant) {
   return inputs;
 }
 
-void check_finite(const PlantModel& plant, const Bank& bank, const MatrixXd& A, const MatrixXd& B) {
-  if (!A.allFinite() || !B.allFinite()) {
-    throw std::invalid_argument(
-        fmt::format("plant \"{}\" sampled every {:g} s has numbers that are not finite: its "
-                    "entries differ too much in size, or it is too unstable for that sample time",
-                    plant.name, bank.sample_time_s));
-  }
-}
-
-// A_d and the sampled `inputs`, in coordinates x = diag(scales) x̃.
-SampledSystem sampled(const PlantModel& plant, const Bank& bank, const MatrixXd& inputs,
-                      const VectorXd& scales) {
-  const VectorXd inverse = scales.cwiseInverse();
-  MatrixXd A = inverse.asDiagonal() * plant.A * scales.asDiagonal();
-  MatrixXd B = inverse.asDiagonal() * inputs;
-  check_finite(plant, bank, A, B);
-  if (plant.time == TimeDomain::kDiscrete) {
-    if (plant.sample_time_s.value_or(0.0) != bank.sample_time_s) {
-      throw std::invalid_argument(
-          fmt::format("the bank's sample time is {:g} s, expected the discrete plant's own, {:g} s",
-                      bank.sample_time_s, plant.sample_time_s.value_or(0.0)));
-    }
-    return {std::move(A), std::move(B)};
-  }
-  SampledSystem result = discretize_zoh(A, B, bank.sample_time_s);
-  check_finite(plant, bank, result.A, result.B);
-  return result;
-}
-
 std::vector<Index> treated(const Bank& bank, BankDisturbance::Treatment treatment) {
   std::vector<Index> indices;
   for (std::size_t i = 0; i < bank.disturbances.size(); ++i) {
@@ -115,12 +84,12 @@ bool is_resonant(Complex mode) {
 DomainModel domain_model(const PlantModel& plant, const Bank& bank) {
   const Inputs inputs = all_inputs(plant);
   DomainModel model;
-  model.is_sampled = bank.domain == DesignDomain::kSampled || plant.time == TimeDomain::kDiscrete;
+  model.is_sampled = is_sampled(bank.domain) || plant.time == TimeDomain::kDiscrete;
   MatrixXd states = inputs.state;
   model.A = plant.A;
   if (model.is_sampled) {
     const VectorXd scales = state_scales(plant.A, inputs.state, plant.C);
-    const SampledSystem system = sampled(plant, bank, inputs.state, scales);
+    const SampledSystem system = plant_step(plant, bank, inputs.state, scales);
     model.A = scales.asDiagonal() * system.A * scales.cwiseInverse().asDiagonal();
     states = scales.asDiagonal() * system.B;
   }
@@ -150,7 +119,7 @@ SampledPlant::SampledPlant(const PlantModel& plant, const Bank& bank, double lar
     : fault_begin_(plant.m()), fault_count_(std::ssize(plant.faults)) {
   const Inputs inputs = all_inputs(plant);
   const VectorXd scales = state_scales(plant.A, inputs.state, plant.C);
-  const SampledSystem system = sampled(plant, bank, inputs.state, scales);
+  const SampledSystem system = plant_step(plant, bank, inputs.state, scales);
   D_ = inputs.output;
   split(system.A, system.B, plant.C * scales.asDiagonal(), largest_radius);
 }

@@ -10,7 +10,7 @@
 
 namespace faultline {
 
-/// The plant in the domain of a bank: continuous, or sampled with everything held over a sample.
+/// The plant in the domain of a bank: continuous, or stepped as plant_step() says.
 struct DomainModel {
   bool is_sampled = false;
   Eigen::MatrixXd A, B, C, D;
@@ -19,12 +19,11 @@ struct DomainModel {
   Eigen::MatrixXd constant_states, constant_outputs;    ///< of those taken as constant
 };
 
-/// @throws std::invalid_argument the sampled plant's numbers are not finite, or the bank's sample
-///   time is not the discrete plant's.
+/// @throws std::invalid_argument as plant_step().
 [[nodiscard]] DomainModel domain_model(const PlantModel& plant, const Bank& bank);
 
 /// The plant as the sampled loop sees it, inputs w = (u, m, d): m inputs, then k faults, then l
-/// disturbances, all held over a sample,
+/// disturbances, all held over a sample (plant_step()),
 ///
 ///   x_k+1 = A_d x_k + B_d w_k,   y_k = C x_k + D w_k
 ///

@@ -5,18 +5,11 @@
 
 #include <fmt/format.h>
 
+#include "diagnosis/design/uio/read_uio.h"
 #include "diagnosis/model/toml_reader.h"
 
 namespace faultline {
 namespace {
-
-// What this version of the design can do; every other word of the file's language is refused here,
-// with what is accepted instead.
-void refuse_unsupported(TomlTable& root) {
-  if (const std::string method = root.string("method"); method != "geometric") {
-    throw root.error("method", fmt::format("found \"{}\", expected \"geometric\"", method));
-  }
-}
 
 void read_structure(TomlTable& root, BankRequest& request) {
   if (!root.has("structure")) {
@@ -59,16 +52,52 @@ std::uint32_t read_count(TomlTable& table, std::string_view key, std::uint32_t o
   return static_cast<std::uint32_t>(value);
 }
 
-void read_decision(TomlTable decision, BankRequest& request) {
+// An observer's thresholds come from the plant's bounds, a linear filter's is a number.
+void read_threshold(TomlTable& decision, BankRequest& request) {
+  if (request.method == "uio") {
+    if (decision.has("threshold") && !decision.is_string("threshold")) {
+      throw decision.error(
+          "threshold",
+          "found a number, expected \"certified\" or \"quadratic\": the thresholds "
+          "of method \"uio\" are computed from the bounds in the plant file");
+    }
+    request.uio.is_threshold_quadratic =
+        decision.has("threshold") &&
+        decision.choice("threshold", {"certified", "quadratic"}) == "quadratic";
+    return;
+  }
   if (decision.is_string("threshold")) {
     throw decision.error("threshold", fmt::format("found \"{}\", expected a positive number",
                                                   decision.string("threshold")));
   }
   request.threshold = read_positive(decision, "threshold");
+}
+
+void read_decision(TomlTable decision, BankRequest& request) {
+  read_threshold(decision, request);
   request.decision.dwell = read_count(decision, "dwell", DecisionRule().dwell);
   request.decision.settle = read_count(decision, "settle", DecisionRule().settle);
+  if (decision.has("clearing")) {
+    request.decision.clearing = read_count(decision, "clearing", 1);
+  }
   if (decision.has("window")) {
     request.window = read_count(decision, "window", DecisionRule().window);
+  }
+}
+
+void read_domain(TomlTable& root, BankRequest& request) {
+  if (!root.has("domain")) {
+    request.domain = request.method == "uio" ? DesignDomain::kSampled : DesignDomain::kContinuous;
+    return;
+  }
+  const std::string domain = root.choice("domain", {"continuous", "sampled", "euler"});
+  request.domain = domain == "continuous" ? DesignDomain::kContinuous
+                   : domain == "sampled"  ? DesignDomain::kSampled
+                                          : DesignDomain::kEuler;
+  if (request.method == "uio" && request.domain == DesignDomain::kContinuous) {
+    throw root.error("domain",
+                     "found \"continuous\", expected \"sampled\" or \"euler\": the bounds of "
+                     "method \"uio\" are bounds from sample to sample");
   }
 }
 
@@ -81,19 +110,22 @@ BankRequest read_request(TomlTable root) {
   request.text = root.text();
   request.name = root.string("name");
   request.plant = std::filesystem::path(request.source).parent_path() / root.string("plant");
-  refuse_unsupported(root);
-  request.method = root.string("method");
+  request.method = root.choice("method", {"geometric", "uio"});
   request.concurrent = read_count(root, "concurrent", 1);
-  read_poles(root, request);
-  if (root.has("domain") && root.choice("domain", {"continuous", "sampled"}) == "sampled") {
-    request.domain = DesignDomain::kSampled;
-  }
+  read_domain(root, request);
   request.sample_time_s = read_positive(root, "sample_time_s");
   request.decouple = root.optional_strings("decouple").value_or(std::vector<std::string>());
-  request.decouple_constant =
-      root.optional_strings("decouple_constant").value_or(std::vector<std::string>());
-  read_structure(root, request);
-  request.normalise = root.optional_boolean("normalise").value_or(true);
+  if (request.method == "uio") {
+    if (std::optional<TomlTable> uio = root.optional_table("uio")) {
+      read_uio(*uio, request.uio);
+    }
+  } else {
+    read_poles(root, request);
+    request.decouple_constant =
+        root.optional_strings("decouple_constant").value_or(std::vector<std::string>());
+    read_structure(root, request);
+    request.normalise = root.optional_boolean("normalise").value_or(true);
+  }
   read_decision(root.table("decision"), request);
   root.finish();
   return request;

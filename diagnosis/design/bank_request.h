@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "diagnosis/bank/bank.h"
+#include "diagnosis/design/uio/uio_request.h"
 #include "diagnosis/model/input_error.h"
 
 namespace faultline {
@@ -40,7 +41,8 @@ struct BankRequest {
   StructureChoice structure = StructureChoice::kAll;
   std::vector<std::vector<std::string>> ignored_sets;  ///< names of faults, for kGiven
   bool normalise = true;
-  double threshold = 0.0;  ///< τ, in fault sizes when normalised
+  double threshold = 0.0;  ///< τ, in fault sizes when normalised; uio: from the plant's bounds
+  UioRequest uio;          ///< method "uio" only
   DecisionRule decision;
   /// DecisionRule::window; absent: five time constants of the slowest filter.
   std::optional<std::uint32_t> window;

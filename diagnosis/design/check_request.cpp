@@ -12,7 +12,7 @@ namespace faultline {
 namespace {
 
 void check_poles(const BankRequest& request) {
-  const bool is_sampled = request.domain == DesignDomain::kSampled;
+  const bool is_discrete = is_sampled(request.domain);
   if (request.decay_rate_per_s) {
     if (!(*request.decay_rate_per_s > 0.0) || !std::isfinite(*request.decay_rate_per_s)) {
       throw request_error(
@@ -27,12 +27,12 @@ void check_poles(const BankRequest& request) {
   for (std::size_t i = 0; i < request.poles.size(); ++i) {
     const std::complex<double> pole = request.poles[i];
     const bool is_finite = std::isfinite(pole.real()) && std::isfinite(pole.imag());
-    if (!is_finite || !(is_sampled ? std::abs(pole) < 1.0 : pole.real() < 0.0)) {
+    if (!is_finite || !(is_discrete ? std::abs(pole) < 1.0 : pole.real() < 0.0)) {
       throw request_error(request, "poles",
                           fmt::format("found {}{:+}i, expected {}", pole.real(), pole.imag(),
-                                      is_sampled ? "poles inside the unit circle (domain = "
-                                                   "\"sampled\": z plane)"
-                                                 : "negative real parts"));
+                                      is_discrete ? "poles inside the unit circle (domain = "
+                                                    "\"sampled\": z plane)"
+                                                  : "negative real parts"));
     }
     if (pole.imag() == 0.0) {
       continue;
@@ -54,7 +54,7 @@ void check_time(const PlantModel& plant, const BankRequest& request) {
   if (plant.time == TimeDomain::kContinuous) {
     return;
   }
-  if (request.domain != DesignDomain::kSampled) {
+  if (!is_sampled(request.domain)) {
     throw request_error(request, "domain",
                         "found \"continuous\", expected \"sampled\": the plant is discrete");
   }
@@ -73,7 +73,12 @@ void check_concurrent(const PlantModel& plant, const BankRequest& request) {
                                     "[faults] or [[fault]]",
                                     plant.name));
   }
-  if (request.concurrent < 1 || request.concurrent >= fault_count) {
+  if (request.method == "uio" && request.concurrent > fault_count) {
+    throw request_error(request, "concurrent",
+                        fmt::format("found {}, expected at most the plant's {} faults",
+                                    request.concurrent, fault_count));
+  }
+  if (request.concurrent < 1 || (request.method != "uio" && request.concurrent >= fault_count)) {
     throw request_error(
         request, "concurrent",
         fmt::format("found {}, expected at least 1 and less than the plant's {} faults: a residual "
@@ -147,14 +152,18 @@ void check_plant(const PlantModel& plant, const BankRequest& request) {
 }  // namespace
 
 void check_request(const PlantModel& plant, const BankRequest& request) {
-  if (request.method != "geometric") {
-    throw request_error(request, "method",
-                        fmt::format("found \"{}\", expected \"geometric\"", request.method));
+  if (request.method != "geometric" && request.method != "uio") {
+    throw request_error(
+        request, "method",
+        fmt::format("found \"{}\", expected \"geometric\" or \"uio\"", request.method));
   }
   check_plant(plant, request);
   check_concurrent(plant, request);
-  check_poles(request);
   check_time(plant, request);
+  if (request.method == "uio") {
+    return;
+  }
+  check_poles(request);
   if (!(request.threshold > 0.0) || !std::isfinite(request.threshold)) {
     throw request_error(
         request, "decision",

@@ -8,11 +8,12 @@
 #include <fmt/format.h>
 
 #include "diagnosis/design/check_request.h"
+#include "diagnosis/design/empty_bank.h"
 #include "diagnosis/design/explain_failure.h"
 #include "diagnosis/design/implementation_form.h"
 #include "diagnosis/design/residual_response.h"
 #include "diagnosis/design/structure.h"
-#include "diagnosis/model/digest.h"
+#include "diagnosis/design/uio/design_uio.h"
 
 namespace faultline {
 namespace {
@@ -23,13 +24,6 @@ using Poles = std::vector<std::complex<double>>;
 
 // Entries of G below this part of B's column are rounding errors of exact zeros.
 constexpr double kRoundingError = 1e-13;
-// The window of the fault size estimate, in time constants of the slowest filter: long enough to
-// tell a step from what the filter still remembers, e^-5 < 1 %. Between sensible bounds, in
-// samples.
-constexpr double kWindowTimeConstants = 5.0;
-constexpr double kSmallestWindow = 10.0;
-constexpr double kLargestWindow = 1000.0;
-
 // ---------------------------------------------------------------------------------- poles
 
 Poles poles_of(const BankRequest& request, const std::string& name, Index d) {
@@ -58,10 +52,10 @@ PolePlacement place(const BankRequest& request, const std::string& name,
                     const GeometricQuotient& quotient) {
   const Index d = quotient.A_0.rows();
   if (request.decay_rate_per_s) {
-    const bool is_sampled = request.domain == DesignDomain::kSampled;
+    const bool is_discrete = is_sampled(request.domain);
     const double rate = *request.decay_rate_per_s;
     return place_decay(quotient.A_0, quotient.M,
-                       is_sampled ? std::exp(-rate * request.sample_time_s) : rate, is_sampled);
+                       is_discrete ? std::exp(-rate * request.sample_time_s) : rate, is_discrete);
   }
   PolePlacement placement = place_poles(quotient.A_0, quotient.M, poles_of(request, name, d));
   if (!placement.is_possible) {
@@ -133,19 +127,6 @@ double normalising_factor(const Sensitivities& found) {
   return 1.0 / (std::isfinite(smallest_gain) ? smallest_gain : smallest_peak);
 }
 
-// Nothing proved yet: diagnosis/certify does that, from plant and filter alone.
-FilterCertificate empty_certificate(const PlantModel& plant) {
-  const std::vector<double> per_fault(plant.faults.size());
-  FilterCertificate certificate;
-  certificate.input_gain.resize(plant.input_names.size());
-  certificate.disturbance_gain.resize(plant.disturbances.size());
-  for (auto* values : {&certificate.fault_gain, &certificate.dc_gain, &certificate.band_gain,
-                       &certificate.margin, &certificate.smallest_fault, &certificate.delay_s}) {
-    *values = per_fault;
-  }
-  return certificate;
-}
-
 // Finite and stable, as it must be but for rounding errors beyond all bounds.
 bool is_usable(const ResidualFilter& filter) {
   const auto matrices = {&filter.F, &filter.E, &filter.G, &filter.M,
@@ -156,39 +137,6 @@ bool is_usable(const ResidualFilter& filter) {
 }
 
 // ---------------------------------------------------------------------------------- the bank
-
-Bank bank_without_filters(const PlantModel& plant, const BankRequest& request) {
-  Bank bank;
-  bank.name = request.name;
-  bank.method = request.method;
-  bank.plant_name = plant.name;
-  bank.plant_digest = plant_digest(plant);
-  bank.request_digest = text_digest(request.text);
-  bank.domain = request.domain;
-  bank.sample_time_s = request.sample_time_s;
-  bank.concurrent = request.concurrent;
-  bank.input_names = plant.input_names;
-  bank.output_names = plant.output_names;
-  bank.fault_names = plant.fault_names();
-  for (const Fault& fault : plant.faults) {
-    bank.fault_sizes.push_back(fault.size);
-  }
-  bank.disturbances = disturbance_treatments(plant, request);
-  bank.u_operating = plant.u_operating;
-  bank.y_operating = plant.y_operating;
-  bank.decision = request.decision;
-  return bank;
-}
-
-std::uint32_t estimate_window(const std::vector<ResidualFilter>& filters) {
-  double window = kSmallestWindow;
-  for (const ResidualFilter& filter : filters) {
-    if (const double radius = spectral_radius(filter.F); radius > 0.0) {
-      window = std::max(window, std::ceil(-kWindowTimeConstants / std::log(radius)));
-    }
-  }
-  return static_cast<std::uint32_t>(std::min(window, kLargestWindow));
-}
 
 class BankDesign {
  public:
@@ -374,6 +322,9 @@ class BankDesign {
 DesignResult design_bank(const PlantModel& plant, const BankRequest& request,
                          const DesignProgress& progress) {
   check_request(plant, request);
+  if (request.method == "uio") {
+    return design_uio_bank(plant, request, progress);
+  }
   return BankDesign(plant, request).run(progress);
 }
 

@@ -9,6 +9,7 @@
 #include "diagnosis/design/bank_request.h"
 #include "diagnosis/design/design_model.h"
 #include "diagnosis/design/geometric.h"
+#include "diagnosis/design/uio/observer_report.h"
 #include "diagnosis/model/plant_model.h"
 
 namespace faultline {
@@ -50,6 +51,7 @@ struct DesignResult {
   Bank bank;  ///< of the residuals that exist; certificates are not filled in (diagnosis/certify)
   std::vector<ResidualReport> residuals;
   std::vector<DesignFailure> failing;
+  std::vector<ObserverReport> observers;  ///< method "uio": what was tried, and what was taken
   bool are_signatures_distinct =
       false;  ///< generic signatures of all sets of up to p faults differ
   /// Sets of up to p faults that have one signature, in groups of two and more.

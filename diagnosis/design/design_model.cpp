@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "diagnosis/design/with_rows.h"
 #include "diagnosis/model/discretize.h"
 #include "diagnosis/model/toml_reader.h"
 
@@ -60,23 +61,19 @@ Directions named_disturbances(const PlantModel& plant, const BankRequest& reques
 }
 
 // All inputs of the sampled plant are held over a sample, faults and disturbances too.
-void sample(DesignModel& model, double sample_time_s) {
+void sample(DesignModel& model, const BankRequest& request) {
   const Index m = model.B.cols();
   const Index k = model.faults.state.cols();
   const Index l = model.decoupled.state.cols();
   MatrixXd inputs(model.A.rows(), m + k + l);
   inputs << model.B, model.faults.state, model.decoupled.state;
-  const SampledSystem sampled = discretize_zoh(model.A, inputs, sample_time_s);
+  const SampledSystem sampled = request.domain == DesignDomain::kEuler
+                                    ? discretize_euler(model.A, inputs, request.sample_time_s)
+                                    : discretize_zoh(model.A, inputs, request.sample_time_s);
   model.A = sampled.A;
   model.B = sampled.B.leftCols(m);
   model.faults.state = sampled.B.middleCols(m, k);
   model.decoupled.state = sampled.B.rightCols(l);
-}
-
-MatrixXd with_rows(const MatrixXd& X, Index rows) {
-  MatrixXd more = MatrixXd::Zero(rows, X.cols());
-  more.topRows(X.rows()) = X;
-  return more;
 }
 
 // Constant disturbances become states.
@@ -104,14 +101,14 @@ DesignModel design_model(const PlantModel& plant, const BankRequest& request) {
                     plant.D,
                     fault_directions(plant),
                     named_disturbances(plant, request, "decouple", request.decouple),
-                    request.domain == DesignDomain::kSampled};
+                    is_sampled(request.domain)};
   append_constants(
       model, named_disturbances(plant, request, "decouple_constant", request.decouple_constant));
   if (plant.time == TimeDomain::kDiscrete) {
     const Index constants = model.A.rows() - plant.n();
     model.A.bottomRightCorner(constants, constants).setIdentity();
   } else if (model.is_sampled) {
-    sample(model, request.sample_time_s);
+    sample(model, request);
   }
   return model;
 }

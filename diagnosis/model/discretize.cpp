@@ -83,6 +83,11 @@ SampledSystem discretize_zoh(const MatrixXd& A, const MatrixXd& B, double sample
   return {exponential.topLeftCorner(n, n), exponential.topRightCorner(n, m) * units.asDiagonal()};
 }
 
+SampledSystem discretize_euler(const MatrixXd& A, const MatrixXd& B, double sample_time_s) {
+  assert(A.rows() == A.cols() && B.rows() == A.rows() && sample_time_s > 0.0);
+  return {MatrixXd::Identity(A.rows(), A.cols()) + A * sample_time_s, B * sample_time_s};
+}
+
 FirstOrderHoldSystem discretize_foh(const MatrixXd& A, const MatrixXd& B, double sample_time_s) {
   assert(A.rows() == A.cols() && B.rows() == A.rows() && sample_time_s > 0.0);
   const Index n = A.rows();

@@ -18,6 +18,14 @@ struct SampledSystem {
 [[nodiscard]] SampledSystem discretize_zoh(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B,
                                            double sample_time_s);
 
+/// Sampling of x' = A x + B u by Euler's method, which is right to the first order in T only:
+///
+///   A_d = I + A T,  B_d = B T
+///
+/// A n×n, B n×m, sample_time_s > 0.
+[[nodiscard]] SampledSystem discretize_euler(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B,
+                                             double sample_time_s);
+
 /// Sampling of x' = A x + B v with v linear between samples (first-order hold):
 ///
 ///   x_k+1 = A_d x_k + B_0 v_k + B_1 v_k+1

@@ -1,9 +1,11 @@
 #include "diagnosis/model/plant_file.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include <fmt/format.h>
 
+#include "diagnosis/model/nonlinearity_file.h"
 #include "diagnosis/model/toml_reader.h"
 
 namespace faultline {
@@ -94,6 +96,9 @@ void read_names(TomlTable& root, PlantModel& plant) {
   Channels channels = read_channels(states);
   plant.state_names = channels.names;
   plant.state_units = channels.units;
+  if (states.has("range")) {
+    plant.state_range = read_range(states, channels.names.size());
+  }
   TomlTable inputs = root.table("inputs");
   channels = read_channels(inputs);
   plant.input_names = channels.names;
@@ -182,17 +187,26 @@ void read_component_faults(TomlTable& root, PlantModel& plant) {
   }
 }
 
+// Of a disturbance or a noise source; "all" is how a scenario speaks of every one.
+void check_source_name(const TomlTable& table, std::string_view what, const std::string& name,
+                       const std::vector<std::string>& taken) {
+  if (name.empty() || std::find(taken.begin(), taken.end(), name) != taken.end()) {
+    throw table.error("name",
+                      fmt::format("found \"{}\", expected a name no other {} has", name, what));
+  }
+  if (name == "all") {
+    throw table.error("name", fmt::format("found \"all\", expected another name: scenarios mean "
+                                          "every {} by it",
+                                          what));
+  }
+}
+
 void read_disturbances(TomlTable& root, PlantModel& plant) {
   std::vector<std::string> names;
   for (TomlTable& table : root.tables("disturbance")) {
     Disturbance disturbance;
     disturbance.name = table.string("name");
-    if (disturbance.name.empty() ||
-        std::find(names.begin(), names.end(), disturbance.name) != names.end()) {
-      throw table.error("name", fmt::format("found \"{}\", expected a name no other disturbance "
-                                            "has",
-                                            disturbance.name));
-    }
+    check_source_name(table, "disturbance", disturbance.name, names);
     names.push_back(disturbance.name);
     disturbance.state = read_direction(table, "state", plant.n());
     disturbance.output = read_direction(table, "output", plant.q());
@@ -203,8 +217,12 @@ void read_disturbances(TomlTable& root, PlantModel& plant) {
 }
 
 void read_noises(TomlTable& root, PlantModel& plant) {
+  std::vector<std::string> names;
   for (TomlTable& table : root.tables("noise")) {
     Noise noise;
+    noise.name = table.optional_string("name").value_or(fmt::format("noise{}", names.size() + 1));
+    check_source_name(table, "noise source", noise.name, names);
+    names.push_back(noise.name);
     noise.output = table.vector("output", plant.q());
     noise.bound = read_optional_positive(table, "bound");
     noise.sigma = read_optional_positive(table, "sigma");
@@ -212,24 +230,6 @@ void read_noises(TomlTable& root, PlantModel& plant) {
       throw table.error("", "found neither, expected `bound` or `sigma`");
     }
     plant.noises.push_back(std::move(noise));
-  }
-}
-
-void read_nonlinearities(TomlTable& root, PlantModel& plant) {
-  for (TomlTable& table : root.tables("nonlinearity")) {
-    Nonlinearity nonlinearity;
-    nonlinearity.function = table.choice("function", {"sin", "cos", "tanh", "atan"});
-    nonlinearity.gain = table.optional_number("gain").value_or(1.0);
-    nonlinearity.E_o = table.vector("E_o", plant.n());
-    nonlinearity.E_i = table.vector("E_i", plant.n());
-    const Eigen::VectorXd slope = table.vector("slope", 2);
-    if (slope[0] > slope[1]) {
-      throw table.error(
-          "slope", fmt::format("found [{}, {}], expected [smallest, largest]", slope[0], slope[1]));
-    }
-    nonlinearity.slope_min = slope[0];
-    nonlinearity.slope_max = slope[1];
-    plant.nonlinearities.push_back(std::move(nonlinearity));
   }
 }
 
@@ -257,7 +257,7 @@ PlantModel read_model(TomlTable root) {
   read_component_faults(root, plant);
   read_disturbances(root, plant);
   read_noises(root, plant);
-  read_nonlinearities(root, plant);
+  plant.nonlinearities = read_nonlinearities(root, plant.n());
   read_operating_point(root, plant);
   root.finish();
   return plant;

@@ -50,6 +50,10 @@ void add_channels(CanonicalText& text, const PlantModel& model) {
   text.words(model.output_names);
   text.matrix(model.input_range);
   text.matrix(model.output_range);
+  if (model.state_range) {
+    text.word("state_range");
+    text.matrix(*model.state_range);
+  }
 }
 
 void add_faults(CanonicalText& text, const PlantModel& model) {
@@ -79,10 +83,24 @@ void add_unknown_inputs(CanonicalText& text, const PlantModel& model) {
   }
 }
 
+void add_function(CanonicalText& text, const NonlinearFunction& function) {
+  text.word(function_name(function.kind));
+  for (const double number : {function.width, function.domain_min, function.domain_max}) {
+    text.number(number);
+  }
+  for (const std::vector<double>* numbers :
+       {&function.coefficients, &function.at, &function.value}) {
+    text.count(numbers->size());
+    for (const double number : *numbers) {
+      text.number(number);
+    }
+  }
+}
+
 void add_nonlinearities(CanonicalText& text, const PlantModel& model) {
   text.count(model.nonlinearities.size());
   for (const Nonlinearity& nonlinearity : model.nonlinearities) {
-    text.word(nonlinearity.function);
+    add_function(text, nonlinearity.function);
     text.number(nonlinearity.gain);
     text.matrix(nonlinearity.E_o);
     text.matrix(nonlinearity.E_i);

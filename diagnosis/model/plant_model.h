@@ -6,6 +6,8 @@
 
 #include <Eigen/Core>
 
+#include "diagnosis/model/nonlinearity.h"
+
 namespace faultline {
 
 enum class TimeDomain { kContinuous, kDiscrete };
@@ -30,18 +32,19 @@ struct Disturbance {
 
 /// Measurement noise v: adds its column to the output equation.
 struct Noise {
+  std::string name;        ///< "noise1", "noise2", .. by position if the file gives none
   Eigen::VectorXd output;  ///< q
   std::optional<double> bound;
   std::optional<double> sigma;
 };
 
-/// Adds gain·E_o·φ(E_i x) to the state equation.
+/// Adds gain·E_o·φ(E_i x) to the state equation; x the deviation from the operating point.
 struct Nonlinearity {
-  std::string function;  ///< name of φ
+  NonlinearFunction function;  ///< φ
   double gain = 1.0;
-  Eigen::VectorXd E_o;  ///< n
-  Eigen::VectorXd E_i;  ///< n (a row of the equation)
-  double slope_min = 0.0;
+  Eigen::VectorXd E_o;     ///< n
+  Eigen::VectorXd E_i;     ///< n (a row of the equation)
+  double slope_min = 0.0;  ///< bounds of the slope of φ; the file's may be wider than φ needs
   double slope_max = 0.0;
 };
 
@@ -64,6 +67,8 @@ struct PlantModel {
   std::vector<std::string> state_names, input_names, output_names;
   std::vector<std::string> state_units, input_units, output_units;  ///< empty, or one per name
   Eigen::VectorXd input_range, output_range;  ///< largest |deviation| to be expected, per channel
+  /// Largest |deviation| of each state at any time, from which proofs start; absent: not known.
+  std::optional<Eigen::VectorXd> state_range;
   Eigen::MatrixXd A, B, C, D;
   std::vector<Fault> faults;
   std::vector<Disturbance> disturbances;
@@ -78,7 +83,8 @@ struct PlantModel {
 };
 
 /// Name-based digest (RFC 4122, version 5) of everything in the model that a bank depends on:
-/// names, numbers, time domain. Comments and layout of the file do not count.
+/// names, numbers, time domain. Comments and layout of the file do not count, nor do the names of
+/// noise sources, which only scenarios use.
 [[nodiscard]] std::string plant_digest(const PlantModel& model);
 
 }  // namespace faultline

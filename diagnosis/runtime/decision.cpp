@@ -113,11 +113,14 @@ DecisionTable::DecisionTable(const Bank& bank)
   }
 }
 
-DecisionTable::Fit DecisionTable::fit(std::size_t set,
-                                      std::span<const std::uint64_t> signature) const noexcept {
+DecisionTable::Fit DecisionTable::fit(std::size_t set, std::span<const std::uint64_t> signature,
+                                      std::span<const std::uint64_t> persistent) const noexcept {
   std::uint64_t silent_unexcused = 0;
   for (std::size_t w = 0; w < word_count_; ++w) {
     if ((signature[w] & ~sees_[set * word_count_ + w]) != 0) {
+      return Fit::kNone;
+    }
+    if (!persistent.empty() && persistent[w] != 0 && (persistent[w] & ~steady_word(set, w)) != 0) {
       return Fit::kNone;
     }
     silent_unexcused |= must_fire_[set * word_count_ + w] & ~signature[w];
@@ -125,16 +128,20 @@ DecisionTable::Fit DecisionTable::fit(std::size_t set,
   return silent_unexcused == 0 ? Fit::kExplains : Fit::kCovers;
 }
 
+std::uint64_t DecisionTable::steady_word(std::size_t set, std::size_t w) const noexcept {
+  std::uint64_t steady = 0;
+  for (const std::size_t j : sets_[set]) {
+    steady |= steady_[j * word_count_ + w];
+  }
+  return steady;
+}
+
 Cause DecisionTable::excuse(std::size_t set,
                             std::span<const std::uint64_t> signature) const noexcept {
   bool has_transient = false;
   for (std::size_t w = 0; w < word_count_; ++w) {
     const std::uint64_t silent = sees_[set * word_count_ + w] & ~signature[w];
-    std::uint64_t silent_steady = 0;
-    for (const std::size_t j : sets_[set]) {
-      silent_steady |= silent & steady_[j * word_count_ + w];
-    }
-    if (silent_steady != 0) {
+    if ((silent & steady_word(set, w)) != 0) {
       return Cause::kCancellation;
     }
     has_transient = has_transient || silent != 0;
@@ -142,8 +149,10 @@ Cause DecisionTable::excuse(std::size_t set,
   return has_transient ? Cause::kTransient : Cause::kComplete;
 }
 
-Decision DecisionTable::decide(std::span<const std::uint64_t> signature) const noexcept {
+Decision DecisionTable::decide(std::span<const std::uint64_t> signature,
+                               std::span<const std::uint64_t> persistent) const noexcept {
   assert(signature.size() == word_count_);
+  assert(persistent.empty() || persistent.size() == word_count_);
   Decision explaining, covering;
   std::size_t explaining_size = 0, covering_size = 0;
   const auto list = [](Decision& decision, std::size_t s) {
@@ -156,7 +165,7 @@ Decision DecisionTable::decide(std::span<const std::uint64_t> signature) const n
     if (explaining.set_count > 0 && sets_[s].size() > explaining_size) {
       break;
     }
-    const Fit found = fit(s, signature);
+    const Fit found = fit(s, signature, persistent);
     if (found == Fit::kExplains) {
       explaining_size = sets_[s].size();
       list(explaining, s);
@@ -185,8 +194,29 @@ Decision DecisionTable::decide(std::span<const std::uint64_t> signature) const n
   return explaining;
 }
 
-Settling::Settling(std::uint32_t settle, std::size_t signature_words)
-    : settle_(std::max<std::uint32_t>(settle, 1)), last_signature_(signature_words) {}
+Settling::Settling(const DecisionRule& rule, std::size_t signature_words)
+    : settle_(std::max<std::uint32_t>(rule.settle, 1)),
+      clearing_(std::max(settle_, rule.clearing)),
+      last_signature_(signature_words),
+      announced_signature_(signature_words) {}
+
+bool Settling::is_remainder(const Decision& decision,
+                            std::span<const std::uint64_t> signature) const noexcept {
+  if (decision.verdict == Verdict::kHealthy || announced_.set_count == 0 ||
+      announced_.verdict == Verdict::kHealthy) {
+    return false;
+  }
+  for (std::size_t w = 0; w < signature.size(); ++w) {
+    if ((signature[w] & ~announced_signature_[w]) != 0) return false;
+  }
+  const auto listed = [](const Decision& of) {
+    return std::span(of.sets).first(std::min<std::size_t>(of.set_count, Decision::kMaxListed));
+  };
+  const auto known = listed(announced_);
+  return std::none_of(listed(decision).begin(), listed(decision).end(), [&](std::uint32_t set) {
+    return std::find(known.begin(), known.end(), set) != known.end();
+  });
+}
 
 const Decision& Settling::step(const Decision& decision,
                                std::span<const std::uint64_t> signature) noexcept {
@@ -195,21 +225,27 @@ const Decision& Settling::step(const Decision& decision,
     reset();
     return announced_;
   }
-  if (stood_for_ > 0 && std::equal(signature.begin(), signature.end(), last_signature_.begin())) {
-    stood_for_ = std::min(stood_for_ + 1, settle_);
+  if (stood_for_ > 0 && decision == last_decision_ &&
+      std::equal(signature.begin(), signature.end(), last_signature_.begin())) {
+    stood_for_ = std::min(stood_for_ + 1, clearing_);
   } else {
     std::copy(signature.begin(), signature.end(), last_signature_.begin());
+    last_decision_ = decision;
     stood_for_ = 1;
   }
-  if (stood_for_ == settle_) {
+  has_settled_ = stood_for_ >= (is_remainder(decision, signature) ? clearing_ : settle_);
+  if (has_settled_) {
     announced_ = decision;
+    std::copy(signature.begin(), signature.end(), announced_signature_.begin());
   }
   return announced_;
 }
 
 void Settling::reset() noexcept {
   stood_for_ = 0;
+  has_settled_ = false;
   announced_ = Decision();
+  std::fill(announced_signature_.begin(), announced_signature_.end(), 0);
 }
 
 }  // namespace faultline

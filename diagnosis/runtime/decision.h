@@ -53,6 +53,10 @@ struct Decision {
 /// A set explains the fired residuals iff every fired one sees a member of it, and every silent one
 /// sees none of them, or two or more (they may cancel), or one only in transients. Where a listed
 /// set needs both excuses, or one needs one and another the other, the cause is cancellation.
+///
+/// A persistent one (Evaluator::persistent()) fires longer than a fault makes it that it sees only
+/// in transients: it must see a member at DC. So an alarm that stays says "a fault that is seen at
+/// DC", and one that goes again, while another residual stays, "one that is seen in transients".
 class DecisionTable {
  public:
   explicit DecisionTable(const Bank& bank);
@@ -60,13 +64,18 @@ class DecisionTable {
   /// Fault sets (indices into Bank::fault_names), by size, then lexicographic; the first is empty.
   [[nodiscard]] const std::vector<std::vector<std::size_t>>& sets() const noexcept { return sets_; }
 
-  /// The verdict of a signature (Evaluator::signature()). Has no memory. Real-time.
-  [[nodiscard]] Decision decide(std::span<const std::uint64_t> signature) const noexcept;
+  /// The verdict of a signature (Evaluator::signature()) of which some residuals, a subset, are
+  /// persistent; an empty span: none is. Has no memory. Real-time.
+  [[nodiscard]] Decision decide(std::span<const std::uint64_t> signature,
+                                std::span<const std::uint64_t> persistent = {}) const noexcept;
 
  private:
   enum class Fit { kNone, kCovers, kExplains };
-  // Explains; or at least covers: every fired residual sees a member.
-  [[nodiscard]] Fit fit(std::size_t set, std::span<const std::uint64_t> signature) const noexcept;
+  // Explains; or at least covers: every fired residual sees a member, a persistent one at DC.
+  [[nodiscard]] Fit fit(std::size_t set, std::span<const std::uint64_t> signature,
+                        std::span<const std::uint64_t> persistent) const noexcept;
+  // Residuals that see a member at DC, of word w.
+  [[nodiscard]] std::uint64_t steady_word(std::size_t set, std::size_t w) const noexcept;
   [[nodiscard]] Cause excuse(std::size_t set,
                              std::span<const std::uint64_t> signature) const noexcept;
 
@@ -77,22 +86,35 @@ class DecisionTable {
   std::vector<std::uint64_t> steady_;     // faults × words: residuals that see it at DC
 };
 
-/// Announces a decision once its signature has stood for `settle` samples; keeps the last announced
-/// one until then. Inhibition is announced at once, and before the first decision. Real-time.
+/// Announces a decision once it and its signature have stood for `settle` samples; keeps the last
+/// announced one until then. (What one signature says changes when a residual becomes persistent.)
+/// Inhibition is announced at once, and before the first decision.
+///
+/// A fault does not turn into another one: where residuals have only cleared since the last
+/// announcement and none of its fault sets explains the rest, the rest must stand for `clearing`
+/// samples, in which slower residuals clear, too. Real-time.
 class Settling {
  public:
-  Settling(std::uint32_t settle, std::size_t signature_words);
+  Settling(const DecisionRule& rule, std::size_t signature_words);
   /// @return the announced decision after this sample.
   const Decision& step(const Decision& decision, std::span<const std::uint64_t> signature) noexcept;
   void reset() noexcept;
   [[nodiscard]] const Decision& announced() const noexcept { return announced_; }
-  /// True if the signature of the last step has stood: what is announced is about it.
-  [[nodiscard]] bool has_settled() const noexcept { return stood_for_ == settle_; }
+  /// True if decision and signature of the last step have stood: they are what is announced.
+  [[nodiscard]] bool has_settled() const noexcept { return has_settled_; }
 
  private:
+  // Residuals have only cleared since the last announcement, and yet other faults explain them.
+  [[nodiscard]] bool is_remainder(const Decision& decision,
+                                  std::span<const std::uint64_t> signature) const noexcept;
+
   std::uint32_t settle_;
+  std::uint32_t clearing_;
   std::uint32_t stood_for_ = 0;
+  bool has_settled_ = false;
   std::vector<std::uint64_t> last_signature_;
+  std::vector<std::uint64_t> announced_signature_;
+  Decision last_decision_;
   Decision announced_;
 };
 

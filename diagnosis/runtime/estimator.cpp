@@ -3,8 +3,12 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <limits>
+#include <optional>
 
 #include <Eigen/QR>
+
+#include "diagnosis/runtime/observer_step.h"
 
 namespace faultline {
 namespace {
@@ -29,6 +33,15 @@ struct Part {
   // For response_delay().
   MatrixXd F, L, M, J;
   double threshold = 0.0;
+  std::optional<CourseEvaluation> course;
+
+  // Whether residual r would count as above the threshold that holds in the end.
+  [[nodiscard]] bool is_above(const Eigen::Ref<const VectorXd>& r) const noexcept {
+    constexpr std::size_t kEnd = std::numeric_limits<std::size_t>::max();
+    return course
+               ? course->evaluate({r.data(), static_cast<std::size_t>(r.size())}, kEnd) > threshold
+               : r.norm() > threshold;
+  }
 };
 
 struct Cost {
@@ -127,6 +140,8 @@ std::string_view estimate_status_text(EstimateStatus status) noexcept {
       return "faults of the set leave the same traces";
     case EstimateStatus::kTooLarge:
       return "bank and window are too large";
+    case EstimateStatus::kSettling:
+      return "settling";
     case EstimateStatus::kValid:
       break;
   }
@@ -170,6 +185,7 @@ MagnitudeEstimator::State::State(const Bank& bank, std::span<const double> outpu
   estimate.faults.reserve(set_size);
   estimate.value.reserve(set_size);
   estimate.deviation.reserve(set_size);
+  estimate.bound.reserve(set_size);
   const Cost cost = cost_of(bank);
   assert(output_resolution.empty() || output_resolution.size() == bank.output_names.size());
   is_too_large = !(cost.doubles <= kMaxDoubles && cost.work <= kMaxWork);
@@ -228,6 +244,7 @@ void MagnitudeEstimator::State::add_part(const ResidualFilter& filter, MatrixXd&
   part.M = filter.M;
   part.J = filter.J;
   part.threshold = filter.threshold;
+  if (filter.course) part.course.emplace(filter);
   rows += part.rows;
   parts.push_back(std::move(part));
 }
@@ -318,6 +335,7 @@ EstimateStatus MagnitudeEstimator::State::solve() noexcept {
   solve_factorised(m);
   for (std::size_t i = 0; i < set.size(); ++i) {
     estimate.value.push_back(m[static_cast<Index>(i)]);
+    estimate.bound.push_back(MagnitudeEstimate::kUnknown);
   }
   find_deviations();
   return EstimateStatus::kValid;
@@ -425,6 +443,7 @@ const MagnitudeEstimate& MagnitudeEstimator::estimate(std::span<const std::size_
   estimate.faults.assign(faults.begin(), faults.end());
   estimate.value.clear();
   estimate.deviation.clear();
+  estimate.bound.clear();
   if (state.is_too_large) {
     estimate.status = EstimateStatus::kTooLarge;
   } else if (!is_window_behind(last_crossing_cycle)) {
@@ -455,7 +474,7 @@ std::optional<std::uint32_t> MagnitudeEstimator::response_delay(std::size_t filt
     for (std::size_t i = 0; i < state.estimate.faults.size(); ++i) {
       r -= state.estimate.value[i] * part.J.col(static_cast<Index>(state.estimate.faults[i]));
     }
-    if (r.norm() > part.threshold) {
+    if (part.is_above(r)) {
       return static_cast<std::uint32_t>(t);
     }
     e_next.noalias() = part.F * e;

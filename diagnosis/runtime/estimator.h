@@ -18,6 +18,7 @@ enum class EstimateStatus : std::uint8_t {
   kTransientOnly,  ///< a fault of the set is seen only in transients: a constant one leaves nothing
   kDependent,      ///< faults of the set leave the same traces: only a combination can be estimated
   kTooLarge,       ///< bank and window are beyond what an estimate may cost
+  kSettling,       ///< the filter that estimates the fault has not settled since the last crossing
 };
 /// What to tell a reader: "" for kValid, else a reason in words.
 [[nodiscard]] std::string_view estimate_status_text(EstimateStatus status) noexcept;
@@ -30,6 +31,8 @@ struct MagnitudeEstimate {
   std::vector<double> value;        ///< per fault, in its unit; empty unless valid
   std::vector<double> deviation;    ///< per fault: one standard deviation, in its unit; kUnknown if
                                     ///< the window leaves nothing to tell it from
+  std::vector<double> bound{};      ///< per fault: |value - truth| is at most this, in its unit;
+                                    ///< kUnknown: nothing of the kind was proved
 };
 
 /// Least squares estimate of the magnitudes m of a fault set from the last `window` residual

@@ -16,6 +16,20 @@ Decision healthy() {
   return decision;
 }
 
+// True if `decision` lists fewer of the sets that the ambiguous `before` lists; where one has more
+// sets than it lists, that cannot be told.
+bool narrows(const Decision& decision, const Decision& before) noexcept {
+  if (before.verdict != Verdict::kAmbiguous || before.set_count > Decision::kMaxListed ||
+      decision.set_count >= before.set_count ||
+      (decision.verdict != Verdict::kIsolated && decision.verdict != Verdict::kAmbiguous)) {
+    return false;
+  }
+  const auto end = before.sets.begin() + before.set_count;
+  return std::all_of(
+      decision.sets.begin(), decision.sets.begin() + decision.set_count,
+      [&](std::uint32_t set) { return std::find(before.sets.begin(), end, set) != end; });
+}
+
 }  // namespace
 
 OnsetTracker::OnsetTracker(std::size_t signature_words)
@@ -62,9 +76,12 @@ Onset OnsetTracker::find(const Evaluator& evaluator, std::uint32_t cycle) const 
   // Cycles wrap at 2^32, and so do these differences.
   const std::uint32_t first = cycle - static_cast<std::uint32_t>(oldest_age);
   const std::uint32_t last = cycle - static_cast<std::uint32_t>(youngest_age);
-  if (is_same_verdict(decision_, reference_)) {
+  // Where nothing has crossed, a residual has become persistent, or is not any more.
+  const bool is_old = is_same_verdict(decision_, reference_) || onset.filter == Onset::kNone ||
+                      narrows(decision_, reference_);
+  if (is_old) {
     onset = reference_onset_;
-  } else if (onset.filter != Onset::kNone) {
+  } else {
     onset.cycle = first;
   }
   onset.last_cycle = last;

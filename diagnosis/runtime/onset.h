@@ -27,7 +27,9 @@ struct Onset {
 /// healthy, isolated or ambiguous was last announced, when they became so. So the second of two
 /// faults gets its own onset, an unexplained signature on the way to an isolated one does not take
 /// the first crossing away, and a decision that returns after one has its old onset. So has the
-/// same decision after an inhibition, which has none itself. Real-time: allocates only on
+/// same decision after an inhibition, which has none itself. A decision that leaves fewer of the
+/// sets of an ambiguous one, because a residual has cleared or become persistent, has the onset of
+/// that: the fault is the same, only more is known of it. Real-time: allocates only on
 /// construction.
 class OnsetTracker {
  public:

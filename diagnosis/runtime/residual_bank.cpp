@@ -8,6 +8,8 @@
 #include <numeric>
 #include <vector>
 
+#include "diagnosis/runtime/observer_step.h"
+
 namespace faultline {
 namespace {
 
@@ -53,6 +55,21 @@ struct Destination {
   std::size_t rows = 0;
 };
 
+// A Lipschitz term and the place of its filter's state.
+struct PlacedTerm {
+  NonlinearTerm term;
+  std::size_t first_state = 0;
+  std::size_t lane = 0;
+};
+
+// A filter whose thresholds follow a course.
+struct PlacedCourse {
+  CourseEvaluation course;
+  std::size_t filter = 0;
+  std::size_t first_row = 0;
+  std::size_t rows = 0;
+};
+
 // One row of [M H K] or [F E G] times [v; y; u]: states first, then channels, each in order.
 inline Lanes row_product(const Lanes* coefficient, const Lanes* v, std::size_t order,
                          const double* sample, std::size_t channel_count) noexcept {
@@ -82,13 +99,23 @@ struct ResidualBank::State {
   std::vector<Destination> destinations;  // in the order of the lanes
   std::vector<double> residual;
   std::vector<double> evaluation;
+  std::vector<double> thresholds;      // per filter
+  std::vector<double> row_thresholds;  // per row of `residual`
+  std::vector<PlacedTerm> terms;       // in the order of the lanes, then of the filter's file
+  std::vector<PlacedCourse> courses;
+  bool has_observers = false;  // terms or courses: one question where there are none
+  std::size_t k = 0;           // of the next sample; counts for courses
 
   [[nodiscard]] std::size_t channel_count() const { return output_count + input_count; }
 
   void add_block(const Bank& bank, std::span<const std::size_t> filters);
   void add_rows(const Bank& bank, std::span<const std::size_t> filters, const Block& block,
                 bool is_state_equation);
+  void add_course(const ResidualFilter& filter, const Destination& destination);
   void step_block(const Block& block) noexcept;
+  void step_observers() noexcept;
+  void add_terms() noexcept;
+  void set_thresholds() noexcept;
   void deliver(const Block& block, const Destination* destination) noexcept;
 };
 
@@ -103,6 +130,11 @@ void ResidualBank::State::add_block(const Bank& bank, std::span<const std::size_
   }
   add_rows(bank, filters, block, false);
   add_rows(bank, filters, block, true);
+  for (std::size_t l = 0; l < filters.size(); ++l) {
+    for (const FilterNonlinearity& term : bank.filters[filters[l]].nonlinearities) {
+      terms.push_back({NonlinearTerm(term), block.first_state, l});
+    }
+  }
   v.resize(v.size() + block.order);
   block_residual.resize(std::max(block_residual.size(), block.rows));
   blocks.push_back(block);
@@ -135,6 +167,14 @@ void ResidualBank::State::add_rows(const Bank& bank, std::span<const std::size_t
   }
 }
 
+void ResidualBank::State::add_course(const ResidualFilter& filter, const Destination& destination) {
+  thresholds[destination.filter] = filter.threshold;
+  if (filter.course) {
+    courses.push_back(
+        {CourseEvaluation(filter), destination.filter, destination.first_row, destination.rows});
+  }
+}
+
 void ResidualBank::State::step_block(const Block& block) noexcept {
   const std::size_t cols = block.order + channel_count();
   const Lanes* coefficient = coefficients.data() + block.first_coefficient;
@@ -145,6 +185,39 @@ void ResidualBank::State::step_block(const Block& block) noexcept {
   for (std::size_t i = 0; i < block.order; ++i, coefficient += cols) {
     v_next[block.first_state + i] =
         row_product(coefficient, v_k, block.order, sample.data(), sample.size());
+  }
+}
+
+// What observers need beyond the linear part of the step.
+void ResidualBank::State::step_observers() noexcept {
+  add_terms();
+  set_thresholds();
+  for (const PlacedCourse& placed : courses) {
+    evaluation[placed.filter] = placed.course.evaluate(
+        std::span<const double>(residual).subspan(placed.first_row, placed.rows), k);
+  }
+  ++k;
+}
+
+// To v_next, which holds the linear part.
+void ResidualBank::State::add_terms() noexcept {
+  for (const PlacedTerm& placed : terms) {
+    const Lanes* v_k = &v[placed.first_state];
+    const double excess =
+        placed.term.excess([&](std::size_t i) { return v_k[i].get(placed.lane); }, sample);
+    Lanes* next = &v_next[placed.first_state];
+    for (std::size_t i = 0; i < placed.term.order(); ++i) {
+      next[i].set(placed.lane, next[i].get(placed.lane) + placed.term.W()[i] * excess);
+    }
+  }
+}
+
+void ResidualBank::State::set_thresholds() noexcept {
+  for (const PlacedCourse& placed : courses) {
+    thresholds[placed.filter] = placed.course.threshold(k);
+    const std::span<const double> rows = placed.course.rows(k);
+    std::copy(rows.begin(), rows.end(),
+              row_thresholds.begin() + static_cast<std::ptrdiff_t>(placed.first_row));
   }
 }
 
@@ -179,6 +252,8 @@ ResidualBank::ResidualBank(const Bank& bank) : state_(std::make_unique<State>())
   state.sample.resize(state.channel_count());
   state.residual.resize(static_cast<std::size_t>(bank.residual_rows()));
   state.evaluation.resize(bank.filters.size());
+  state.thresholds.resize(bank.filters.size());
+  state.row_thresholds.assign(state.residual.size(), kNoThreshold);
 
   // Filters of equal order together, so that little is padded; otherwise in their own order.
   std::vector<std::size_t> by_order(bank.filters.size());
@@ -195,11 +270,14 @@ ResidualBank::ResidualBank(const Bank& bank) : state_(std::make_unique<State>())
   for (const std::size_t i : by_order) {
     state.destinations.push_back(
         {i, first_row[i], static_cast<std::size_t>(bank.filters[i].H.rows())});
+    state.add_course(bank.filters[i], state.destinations.back());
   }
   for (std::size_t i = 0; i < by_order.size(); i += kLanes) {
     state.add_block(bank, std::span(by_order).subspan(i, std::min(kLanes, by_order.size() - i)));
   }
   state.v_next.resize(state.v.size());
+  state.has_observers = !state.terms.empty() || !state.courses.empty();
+  state.set_thresholds();
 }
 
 ResidualBank::~ResidualBank() = default;
@@ -221,6 +299,7 @@ void ResidualBank::step(std::span<const double> y, std::span<const double> u) no
     state.deliver(block, destination);
     destination += block.filter_count;
   }
+  if (state.has_observers) state.step_observers();
   state.v.swap(state.v_next);
 }
 
@@ -229,11 +308,19 @@ void ResidualBank::reset() noexcept {
   std::fill(state.v.begin(), state.v.end(), Lanes());
   std::fill(state.residual.begin(), state.residual.end(), 0.0);
   std::fill(state.evaluation.begin(), state.evaluation.end(), 0.0);
+  state.k = 0;
+  state.set_thresholds();
 }
 
 std::span<const double> ResidualBank::residual() const noexcept { return state_->residual; }
 
 std::span<const double> ResidualBank::evaluation() const noexcept { return state_->evaluation; }
+
+std::span<const double> ResidualBank::thresholds() const noexcept { return state_->thresholds; }
+
+std::span<const double> ResidualBank::row_thresholds() const noexcept {
+  return state_->row_thresholds;
+}
 
 std::size_t ResidualBank::filter_count() const noexcept { return state_->evaluation.size(); }
 

@@ -1,5 +1,6 @@
 // One step of a residual bank: ours beside the loops it replaces, in one run. Seven channels
-// (q = 3, m = 4) and one row per residual, as in docs/design.md's example.
+// (q = 3, m = 4) and one row per residual, as in docs/design.md's example. Observers: order 5,
+// three rows, one sin, a course of 1500 samples, beside linear filters of that shape.
 
 #include <cstdint>
 #include <random>
@@ -51,6 +52,33 @@ Bank make_bank(std::size_t count, Eigen::Index largest_order) {
   return bank;
 }
 
+/// `count` filters as observers have them: order 5, three rows.
+Bank make_observers(std::size_t count, bool is_linear) {
+  constexpr Eigen::Index kOrder = 5, kRows = 3, kCourse = 1500;
+  Random random;
+  Bank bank = make_bank(count, 1);
+  for (ResidualFilter& filter : bank.filters) {
+    filter.F = 0.9 * Eigen::MatrixXd::Identity(kOrder, kOrder);
+    filter.E = random.matrix(kOrder, kOutputs);
+    filter.G = random.matrix(kOrder, kInputs);
+    filter.M = random.matrix(kRows, kOrder);
+    filter.H = random.matrix(kRows, kOutputs);
+    filter.K = random.matrix(kRows, kInputs);
+    if (is_linear) continue;
+    FilterNonlinearity term;
+    term.W = random.matrix(kOrder, 1);
+    term.a_v = random.matrix(kOrder, 1);
+    term.a_y = random.matrix(kOutputs, 1);
+    term.a_u = Eigen::VectorXd::Zero(kInputs);
+    filter.nonlinearities = {term};
+    filter.evaluation = Evaluation::kComponent;
+    filter.course =
+        ThresholdCourse{Eigen::MatrixXd::Identity(kRows, kRows), Eigen::VectorXd::Ones(kCourse),
+                        Eigen::MatrixXd::Ones(kCourse, kRows)};
+  }
+  return bank;
+}
+
 /// Samples that change from step to step, so that nothing is hoisted out of the loop.
 struct Samples {
   static constexpr std::size_t kCount = 64;
@@ -68,8 +96,8 @@ Bank bank_of(const benchmark::State& state) {
   return make_bank(static_cast<std::size_t>(state.range(0)), state.range(1));
 }
 
-void BM_OurStep(benchmark::State& state) {
-  ResidualBank bank(bank_of(state));
+void step(benchmark::State& state, const Bank& bank_to_run) {
+  ResidualBank bank(bank_to_run);
   const Samples samples;
   std::size_t k = 0;
   for (auto _ : state) {
@@ -80,6 +108,16 @@ void BM_OurStep(benchmark::State& state) {
     benchmark::ClobberMemory();
     ++k;
   }
+}
+
+void BM_OurStep(benchmark::State& state) { step(state, bank_of(state)); }
+
+void BM_ObserverStep(benchmark::State& state) {
+  step(state, make_observers(static_cast<std::size_t>(state.range(0)), false));
+}
+
+void BM_LinearOfThatShape(benchmark::State& state) {
+  step(state, make_observers(static_cast<std::size_t>(state.range(0)), true));
 }
 
 void BM_PerFilterNaive(benchmark::State& state) {
@@ -175,6 +213,8 @@ BENCHMARK(BM_OurStep)->Apply(banks);
 BENCHMARK(BM_PerFilterNaive)->Apply(banks);
 BENCHMARK(BM_PerFilterNoalias)->Apply(banks);
 BENCHMARK(BM_StackedGemv)->Apply(banks);
+BENCHMARK(BM_LinearOfThatShape)->ArgName("filters")->Arg(1)->Arg(2)->Arg(8);
+BENCHMARK(BM_ObserverStep)->ArgName("filters")->Arg(1)->Arg(2)->Arg(8);
 
 }  // namespace
 }  // namespace faultline

@@ -34,6 +34,50 @@ int main(int, char** argv) {
 }
 """
 
+# Solves a semidefinite program in a folder whose param.csdp would spoil it: an integrator whose
+# noisy state is measured.
+USES_SOLVER = r"""
+#include <cmath>
+#include <cstdio>
+
+#include "diagnosis/design/uio/observer_synthesis.h"
+int main() {
+  const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(1, 1), none(1, 0);
+  faultline::ObserverModel model;
+  model.A = model.C = model.F_x = one;
+  model.F_y = 0.0 * one;
+  model.M = Eigen::RowVector2d(1.0, 0.0);
+  model.W = Eigen::RowVector2d(0.0, 1.0);
+  model.w_bound = Eigen::Vector2d::Ones();
+  model.E_o = none;
+  model.E_i = none.transpose();
+  model.x_bound = Eigen::VectorXd::Ones(1);
+  const faultline::ObserverSynthesis observer = faultline::synthesise_observer(
+      model, {0.0 * one, one, none}, faultline::output_error(model), 0.5, std::nullopt, {},
+      faultline::ResidualWeight::kScalar);
+  std::printf("%d %a %a", static_cast<int>(observer.status), observer.gain.sum(),
+              observer.objective);
+}
+"""
+
+HOSTILE_PARAMETERS = """axtol=1.0e-1
+atytol=1.0e-1
+objtol=1.0e-1
+pinftol=1.0e1
+dinftol=1.0e1
+maxiter=1
+minstepfrac=0.1
+maxstepfrac=0.2
+minstepp=1.0e-1
+minstepd=1.0e-1
+usexzgap=0
+tweakgap=1
+affine=1
+printlevel=1
+perturbobj=0
+fastmode=1
+"""
+
 CMAKE_LISTS = """
 cmake_minimum_required(VERSION 3.22)
 project(uses_diagnosis LANGUAGES CXX)
@@ -86,6 +130,20 @@ class Install(unittest.TestCase):
         source.joinpath("CMakeLists.txt").write_text(CMAKE_LISTS)
         program = self.build(source, "uses_diagnosis")
         run(program, ROOT / "examples" / "hou2015" / "bank.toml")
+
+    def test_the_solver_reads_no_parameters_from_its_folder(self):
+        source = pathlib.Path(self.folder.name, "uses_solver_source")
+        source.mkdir()
+        source.joinpath("main.cpp").write_text(USES_SOLVER)
+        source.joinpath("CMakeLists.txt").write_text(
+            CMAKE_LISTS.replace("uses_diagnosis", "uses_solver"))
+        program = self.build(source, "uses_solver")
+        folder = pathlib.Path(self.folder.name, "hostile")
+        folder.mkdir()
+        expected = run(program, cwd=folder)
+        self.assertTrue(expected.startswith("0 "), expected)
+        folder.joinpath("param.csdp").write_text(HOSTILE_PARAMETERS)
+        self.assertEqual(run(program, cwd=folder), expected)
 
     def test_every_header_stands_alone(self):
         headers = sorted(file.relative_to(self.prefix / "include" / "faultline")

@@ -1,6 +1,7 @@
 #include "sim/controller_node.h"
 
 #include <array>
+#include <cmath>
 
 #include <gtest/gtest.h>
 
@@ -38,6 +39,27 @@ TEST(ControlLaw, RefusesAPlantWithFeedthrough) {
   model.D(0, 0) = 1.0;
   EXPECT_THROW(static_cast<void>(state_feedback(model, gain(1.0, 1.0), kNoFeedforward)),
                std::invalid_argument);
+}
+
+TEST(ControllerNode, AddsASineOnEachInputByTheCycle) {
+  const PlantModel model = double_integrator();
+  const SignalMap map = double_integrator_map();
+  const FaultSchedule schedule(model, {});
+  PlantNode plant(model, map, schedule, 0.1, model.x_operating);
+  ControlLaw law = open_loop(model, kNoFeedforward);
+  law.amplitude[0] = 4.0;
+  law.omega_rad[0] = 0.3;
+  ControllerNode controller(map, law);
+  for (const std::uint32_t k : {0U, 1U, 7U}) {
+    RecordingSink from_plant;
+    RecordingSink from_controller;
+    plant.on_cycle(k, from_plant);
+    for (const CanFrame& frame : from_plant.frames) controller.on_frame(frame, from_controller);
+    ASSERT_EQ(from_controller.frames.size(), 1U);
+    std::array<double, 1> u{};
+    ASSERT_EQ(map.command_messages[0].decode(from_controller.frames[0], u), CodecStatus::kOk);
+    EXPECT_NEAR(u[0], model.u_operating[0] + 4.0 * std::sin(0.3 * k), 1e-2);
+  }
 }
 
 TEST(ControllerNode, AnswersACompleteMeasurementWithCommandsOfItsCounter) {

@@ -1,6 +1,7 @@
 #include "sim/plant_node.h"
 
 #include <array>
+#include <cmath>
 
 #include <gtest/gtest.h>
 
@@ -118,6 +119,46 @@ TEST_F(PlantNodeTest, DoesNotAllocateWhileItProtectsItsFrames) {
   } sink;
   const SignalMap map = protected_double_integrator_map();
   PlantNode node(model_, map, schedule_, 0.1, model_.x_operating);
+  const AllocationGuard guard;
+  for (std::uint32_t k = 0; k < 1000; ++k) node.on_cycle(k, sink);
+  EXPECT_EQ(guard.heap_calls(), 0U);
+}
+
+TEST_F(PlantNodeTest, LetsDisturbancesAndNoiseActAndSaysWhich) {
+  PlantModel model = model_;
+  model.disturbances = {{.name = "d",
+                         .state = Eigen::Vector2d(0.0, 1.0),
+                         .output = Eigen::Vector2d::Zero(),
+                         .bound = 8.0}};
+  model.noises = {{.name = "n", .output = Eigen::Vector2d(1.0, 0.0), .bound = 4.0, .sigma = {}}};
+  PlantNode node(model, map_, schedule_, 0.1, model.x_operating,
+                 PerturbationSchedule(model, {{.target = "d"}}, {{.target = "n"}}, 1));
+  for (std::uint32_t k = 0; k < 20; ++k) {
+    const Eigen::VectorXd x = node.state();
+    const double d = k == 0 ? 0.0 : node.perturbations().disturbance[0];
+    sink_.frames.clear();
+    node.on_cycle(k, sink_);
+    if (k > 0) {
+      EXPECT_NEAR(node.state()[1], x[1] + (d - 3.0) * 0.1, 1e-12) << "no command: u = 0";
+    }
+    EXPECT_LE(std::abs(node.perturbations().disturbance[0]), 8.0);
+    std::array<double, 2> y{};
+    EXPECT_EQ(map_.sensor_messages[0].decode(sink_.frames[1], y), CodecStatus::kOk);
+    EXPECT_NEAR(y[0], node.state()[0] + node.perturbations().noise[0], 0.5 / 1024.0);
+  }
+}
+
+TEST_F(PlantNodeTest, DoesNotAllocateWhileANonlinearPlantIsDisturbed) {
+  class NullSink final : public FrameSink {
+    bool send(const CanFrame& /*frame*/) noexcept override { return true; }
+  } sink;
+  PlantModel model = model_;
+  model.noises = {{.name = "n", .output = Eigen::Vector2d(1.0, 0.0), .bound = 4.0, .sigma = {}}};
+  model.nonlinearities = {{.function = {.kind = FunctionKind::kTanh},
+                           .E_o = Eigen::Vector2d::UnitY(),
+                           .E_i = Eigen::Vector2d::UnitX()}};
+  PlantNode node(model, map_, schedule_, 0.1, model.x_operating,
+                 PerturbationSchedule(model, {}, {{.target = "n"}}, 1));
   const AllocationGuard guard;
   for (std::uint32_t k = 0; k < 1000; ++k) node.on_cycle(k, sink);
   EXPECT_EQ(guard.heap_calls(), 0U);

@@ -12,37 +12,37 @@ namespace {
 
 constexpr double kPeriod_s = 0.1;
 
-TEST(LinearPlant, StaysAtItsOperatingPoint) {
+TEST(SimulatedPlant, StaysAtItsOperatingPoint) {
   const PlantModel model = double_integrator();
   // At speed 2 the position of a double integrator moves; held there by x₀ it does not: the model
   // is one of deviations.
-  LinearPlant plant(model, kPeriod_s);
+  SimulatedPlant plant(model, kPeriod_s);
   const ActiveFaults none = FaultSchedule(model, {}).none();
   const std::array<double, 1> u{3.0};
   std::array<double, 2> y{};
   for (int k = 0; k < 100; ++k) {
-    plant.measure(u, none, y);
+    plant.measure(u, none, {}, y);
     EXPECT_DOUBLE_EQ(y[0], 1.0);
     EXPECT_DOUBLE_EQ(y[1], 2.0);
-    plant.step(u, none);
+    plant.step(u, none, {});
   }
 }
 
-TEST(LinearPlant, StepsAConstantInputExactly) {
+TEST(SimulatedPlant, StepsAConstantInputExactly) {
   const PlantModel model = double_integrator();
-  LinearPlant plant(model, kPeriod_s);
+  SimulatedPlant plant(model, kPeriod_s);
   const ActiveFaults none = FaultSchedule(model, {}).none();
   const std::array<double, 1> u{3.0 + 5.0};
   constexpr int kSteps = 37;
-  for (int k = 0; k < kSteps; ++k) plant.step(u, none);
+  for (int k = 0; k < kSteps; ++k) plant.step(u, none, {});
   const double t_s = kSteps * kPeriod_s;
   EXPECT_NEAR(plant.state()[0], 1.0 + 0.5 * 5.0 * t_s * t_s, 1e-11);
   EXPECT_NEAR(plant.state()[1], 2.0 + 5.0 * t_s, 1e-12);
 }
 
-TEST(LinearPlant, AddsActuatorSensorAndComponentFaults) {
+TEST(SimulatedPlant, AddsActuatorSensorAndComponentFaults) {
   const PlantModel model = double_integrator();
-  LinearPlant plant(model, kPeriod_s);
+  SimulatedPlant plant(model, kPeriod_s);
   ActiveFaults faults = FaultSchedule(model, {}).none();
   faults.input_gain[0] = 0.5;  // u_act = 0.5·8 + 1 = 5, deviation 2
   faults.input_bias[0] = 1.0;
@@ -51,36 +51,36 @@ TEST(LinearPlant, AddsActuatorSensorAndComponentFaults) {
   faults.component[0] = 4.0;  // position' += 4, y2 += 0.5·4
   const std::array<double, 1> u{8.0};
   std::array<double, 2> y{};
-  plant.step(u, faults);
-  plant.measure(u, faults, y);
+  plant.step(u, faults, {});
+  plant.measure(u, faults, {}, y);
   EXPECT_NEAR(y[0], 1.0 + 0.5 * 2.0 * 0.01 + 4.0 * 0.1, 1e-14);
   EXPECT_NEAR(y[1], 2.0 * (2.0 + 2.0 * 0.1 + 0.5 * 4.0) - 1.0, 1e-14);
 }
 
-TEST(LinearPlant, RefusesWhatItCannotStep) {
+TEST(SimulatedPlant, RefusesWhatItCannotStep) {
   PlantModel model = double_integrator();
-  EXPECT_THROW(LinearPlant(model, 0.0), std::invalid_argument);
-  EXPECT_THROW(LinearPlant(model, -1.0), std::invalid_argument);
+  EXPECT_THROW(SimulatedPlant(model, 0.0), std::invalid_argument);
+  EXPECT_THROW(SimulatedPlant(model, -1.0), std::invalid_argument);
   model.time = TimeDomain::kDiscrete;
   model.sample_time_s = 0.2;
-  EXPECT_NO_THROW(LinearPlant(model, 0.2));
-  EXPECT_THROW(LinearPlant(model, 0.1), std::invalid_argument);
-  model.nonlinearities.push_back({.function = "sin"});
-  EXPECT_THROW(LinearPlant(model, 0.2), std::invalid_argument);
+  EXPECT_NO_THROW(SimulatedPlant(model, 0.2));
+  EXPECT_THROW(SimulatedPlant(model, 0.1), std::invalid_argument);
+  EXPECT_THROW(SimulatedPlant(model, 0.2, {.method = IntegrationMethod::kRk4}),
+               std::invalid_argument);
 }
 
-TEST(LinearPlant, DoesNotAllocateWhileItRuns) {
+TEST(SimulatedPlant, DoesNotAllocateWhileItRuns) {
   const PlantModel model = double_integrator();
   const FaultSchedule schedule(model, {{.target = "force", .value = 1.0, .at_s = 1.0}});
-  LinearPlant plant(model, kPeriod_s);
+  SimulatedPlant plant(model, kPeriod_s);
   ActiveFaults faults = schedule.none();
   const std::array<double, 1> u{8.0};
   std::array<double, 2> y{};
   const AllocationGuard guard;
   for (int k = 0; k < 1000; ++k) {
     schedule.evaluate(k * kPeriod_s, faults);
-    plant.measure(u, faults, y);
-    plant.step(u, faults);
+    plant.measure(u, faults, {}, y);
+    plant.step(u, faults, {});
   }
   EXPECT_EQ(guard.heap_calls(), 0U);
 }

@@ -28,6 +28,35 @@ PlantModel double_integrator() {
   return plant;
 }
 
+PlantModel scalar_plant(double a, double gain, const NonlinearFunction& function) {
+  const Eigen::VectorXd one = Eigen::VectorXd::Ones(1);
+  PlantModel plant;
+  plant.name = "scalar";
+  plant.state_names = {"x"};
+  plant.input_names = {"u"};
+  plant.output_names = {"y"};
+  plant.A = Eigen::MatrixXd::Constant(1, 1, a);
+  plant.B = Eigen::MatrixXd::Ones(1, 1);
+  plant.C = Eigen::MatrixXd::Ones(1, 1);
+  plant.D = Eigen::MatrixXd::Constant(1, 1, 0.25);
+  plant.faults = {{.name = "leak",
+                   .kind = FaultKind::kComponent,
+                   .state = one,
+                   .output = Eigen::VectorXd::Zero(1)}};
+  plant.disturbances = {{.name = "wind", .state = 0.5 * one, .output = 2.0 * one, .bound = 0.1}};
+  plant.noises = {{.name = "hum", .output = 3.0 * one, .bound = 0.2, .sigma = {}},
+                  {.name = "hiss", .output = 4.0 * one, .bound = {}, .sigma = 0.1}};
+  const SlopeBounds slopes = slope_bounds(function);
+  plant.nonlinearities = {{.function = function,
+                           .gain = gain,
+                           .E_o = one,
+                           .E_i = one,
+                           .slope_min = slopes.min,
+                           .slope_max = slopes.max}};
+  plant.x_operating = plant.u_operating = plant.y_operating = Eigen::VectorXd::Zero(1);
+  return plant;
+}
+
 SignalMap double_integrator_map() {
   const DbcDatabase dbc = parse_dbc(R"(VERSION ""
 BS_:

@@ -12,6 +12,10 @@ namespace faultline {
 /// an operating point: x₀ = (1, 2), u₀ = 3, y₀ = (1, 2).
 [[nodiscard]] PlantModel double_integrator();
 
+/// x' = a x + u + leak + gain·φ(x) + 0.5·wind, y = x + u·0.25 + 2·wind + 3·hum + 4·hiss, about
+/// zero; wind is bounded by 0.1, hum by 0.2, hiss not.
+[[nodiscard]] PlantModel scalar_plant(double a, double gain, const NonlinearFunction& function);
+
 /// SYNC, one sensor message per output and one command message, resolution 2^-10, 8-bit counters.
 [[nodiscard]] SignalMap double_integrator_map();
 

@@ -502,9 +502,9 @@ class BadInput(FolderTest):
                 (["found a list", "expected a string"], 'name   = "hou2015"', 'name   = §["hou2015"]'),
                 (["found \"y2\" twice"], '["y1", "y2", "y3"]', '§["y1", "y2", "y2"]'),
                 (["faults.actuators", '"u9"', "did you mean"], 'actuators = "all"', 'actuators = §["u1", "u9"]'),
-                (["found 1 nonlinearities", "expected none"], "sensors   = []",
-                 'sensors   = []\n§[[nonlinearity]]\nfunction = "sin"\nE_o = [1, 0, 0]\nE_i = [1, 0, 0]\n'
-                 "slope = [-1, 1]")):
+                (["nonlinearity, entry 1.slope", "found [0, 1]", "are -1 to 1"], "sensors   = []",
+                 'sensors   = []\n[[nonlinearity]]\nfunction = "sin"\nE_o = [1, 0, 0]\nE_i = [1, 0, 0]\n'
+                 "slope = §[0, 1]")):
             self.refuse("plant.toml", words, (old, new))
 
     def test_bank_request(self):
@@ -518,7 +518,7 @@ class BadInput(FolderTest):
                 (["found number nan"], "threshold = 0.5", "threshold = §nan"),
                 (["found 0", "expected"], "dwell     = 3", "dwell     = §0"),
                 (["found 99999999999999", "expected"], "settle    = 3", "settle    = §99999999999999"),
-                (['"uio"', '"geometric"'], 'method = "geometric"', 'method = §"uio"'),
+                (['"uoi"', '"geometric"', '"uio"'], 'method = "geometric"', 'method = §"uoi"'),
                 (["found 10", "negative"], poles, "poles = §[10.0]"),
                 (["conjugate"], poles, "poles = §[[-10.0, 1.0]]"),
                 (["conjugate"], poles, "poles = §[[-10.0, 1.0], [-10.0, -2.0]]"),

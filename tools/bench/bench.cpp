@@ -44,7 +44,8 @@ BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
     : inputs(inputs_),
       options(options_),
       buses(open_endpoints(options.bus, inputs.map, options.has_probe)),
-      plant(inputs.plant, inputs.map, inputs.schedule, inputs.bank.sample_time_s, inputs.x_initial),
+      plant(inputs.plant, inputs.map, inputs.schedule, inputs.bank.sample_time_s, inputs.x_initial,
+            inputs.perturbations, inputs.scenario.integration),
       controller(inputs.map, inputs.control_law),
       diagnosis(inputs.map, inputs.bank, inputs.is_initial_state_known),
       publisher(make_publisher(inputs, options, diagnosis)),
@@ -64,6 +65,9 @@ BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
                           fmt::format("{} on {}, {}", inputs.scenario.name, options.bus,
                                       options.is_realtime ? "in real time" : "in lock-step"),
                           start_utime_);
+  for (const std::string& warning : inputs.perturbations.warnings()) {
+    publisher.publish_event(-1, "warning", "bench", warning, start_utime_);
+  }
 }
 
 std::int64_t BenchRun::utime_of(double t_s) const noexcept {

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <functional>
 #include <iterator>
+#include <numbers>
 #include <system_error>
 
 #include <fmt/format.h>
@@ -147,12 +148,18 @@ void check_cycles_can_be_told(const DbcDatabase& dbc, const SignalMap& map) {
   }
 }
 
-FaultSchedule make_schedule(const Scenario& scenario, const PlantModel& plant) {
+InputError error_in(const Scenario& scenario, const ScheduleError& error) {
+  return error_in(scenario, position_in(scenario, error.table(), error.field(), error.entry()),
+                  fmt::format("{}, entry {}.{}", error.table(), error.entry() + 1, error.what()));
+}
+
+/// All that happens to the plant besides its commands.
+void make_schedules(BenchInputs& inputs, const Scenario& scenario) {
   try {
-    return {plant, scenario.injections};
+    inputs.schedule = {inputs.plant, scenario.injections};
+    inputs.perturbations = {inputs.plant, scenario.disturbances, scenario.noises, scenario.seed};
   } catch (const ScheduleError& error) {
-    throw error_in(scenario, position_in(scenario, "fault", error.field(), error.injection()),
-                   error.what());
+    throw error_in(scenario, error);
   }
 }
 
@@ -189,8 +196,7 @@ void check_mapped_channels(const Scenario& scenario, const PlantModel& plant) {
   }
 }
 
-ControlLaw make_control_law(const Scenario& scenario, const PlantModel& plant,
-                            double sample_time_s) {
+ControlLaw make_feedback(const Scenario& scenario, const PlantModel& plant, double sample_time_s) {
   const ControllerSpec& spec = scenario.controller;
   const Eigen::VectorXd feedforward = spec.feedforward.value_or(Eigen::VectorXd::Zero(plant.m()));
   check_controller_shape(scenario, "feedforward", feedforward, plant.m(), 1);
@@ -216,6 +222,17 @@ ControlLaw make_control_law(const Scenario& scenario, const PlantModel& plant,
   return {};
 }
 
+ControlLaw make_control_law(const Scenario& scenario, const PlantModel& plant,
+                            double sample_time_s) {
+  ControlLaw law = make_feedback(scenario, plant, sample_time_s);
+  if (const auto& amplitude = scenario.controller.amplitude) {
+    check_controller_shape(scenario, "amplitude", *amplitude, plant.m(), 1);
+    law.amplitude = *amplitude;
+    law.omega_rad = 2.0 * std::numbers::pi * sample_time_s * *scenario.controller.frequency_Hz;
+  }
+  return law;
+}
+
 Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant) {
   if (!scenario.initial_state) return plant.x_operating;
   if (scenario.initial_state->size() != plant.n()) {
@@ -226,13 +243,19 @@ Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant)
   return *scenario.initial_state;
 }
 
-void check_plant_can_run(const PlantModel& plant, const std::string& plant_text,
-                         const std::string& plant_source, const Bank& bank) {
+void check_plant_can_run(const Scenario& scenario, const PlantModel& plant,
+                         const std::string& plant_text, const std::string& plant_source,
+                         const Bank& bank) {
   try {
-    const LinearPlant stepped(plant, bank.sample_time_s);
+    static_cast<void>(method_for(plant, scenario.integration));
   } catch (const std::invalid_argument& error) {
-    const char* key = plant.nonlinearities.empty() ? "sample_time_s" : "nonlinearity";
-    throw TomlTable::parse(plant_text, plant_source).error(key, error.what());
+    throw error_in(scenario, position_in(scenario, "simulation", "method"),
+                   fmt::format("simulation.{}", error.what()));
+  }
+  try {
+    const SimulatedPlant stepped(plant, bank.sample_time_s, scenario.integration);
+  } catch (const std::invalid_argument& error) {
+    throw TomlTable::parse(plant_text, plant_source).error("sample_time_s", error.what());
   }
 }
 
@@ -254,12 +277,12 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
   check_mapped_channels(scenario, inputs.plant);
   inputs.map = map_signals(scenario, dbc, inputs.plant);
   check_cycles_can_be_told(dbc, inputs.map);
-  inputs.schedule = make_schedule(scenario, inputs.plant);
+  make_schedules(inputs, scenario);
   inputs.bank = load(scenario, inputs.plant, inputs.parts);
   check_bank_fits(scenario, inputs.plant, inputs.bank);
   check_expected_faults(scenario, inputs.bank);
   check_duration(scenario, inputs.bank);
-  check_plant_can_run(inputs.plant, texts.plant.text, texts.plant_source, inputs.bank);
+  check_plant_can_run(scenario, inputs.plant, texts.plant.text, texts.plant_source, inputs.bank);
   inputs.control_law = make_control_law(scenario, inputs.plant, inputs.bank.sample_time_s);
   inputs.x_initial = initial_state(scenario, inputs.plant);
   inputs.dbc_warnings = warnings_of(dbc);

@@ -10,6 +10,7 @@
 #include "drivers/signal/signal_map.h"
 #include "sim/controller_node.h"
 #include "sim/fault_schedule.h"
+#include "sim/perturbation_schedule.h"
 #include "tools/bench/diagnosis_inputs.h"
 #include "tools/bench/scenario.h"
 
@@ -20,6 +21,7 @@ struct BenchInputs : DiagnosisInputs {
   Scenario scenario;
   PlantModel plant;
   FaultSchedule schedule;
+  PerturbationSchedule perturbations;  ///< at its start
   ControlLaw control_law;
   Eigen::VectorXd x_initial;  ///< absolute
 };

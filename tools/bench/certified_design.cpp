@@ -37,6 +37,15 @@ std::vector<std::string> failure_sentences(const DesignResult& result) {
     sentences.push_back(
         fmt::format("ignoring {{{}}} hides {}: {}", names(key.first), names(faults), key.second));
   }
+  for (const ObserverReport& report : result.observers) {
+    if (report.exists) continue;
+    for (const ObserverTrial& trial : report.trials) {
+      sentences.push_back(fmt::format(
+          "{} that decouples {}{}: {}", report.name,
+          trial.decoupled.empty() ? "nothing" : fmt::format("{}", fmt::join(trial.decoupled, ", ")),
+          trial.alpha > 0.0 ? fmt::format(" at alpha {:g}", trial.alpha) : "", trial.reason));
+    }
+  }
   return sentences;
 }
 

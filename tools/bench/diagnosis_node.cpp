@@ -29,6 +29,8 @@ DiagnosisRecord::DiagnosisRecord(const Bank& bank)
       u_age(bank.input_names.size()),
       residual(static_cast<std::size_t>(bank.residual_rows())),
       evaluation(bank.filters.size()),
+      thresholds(bank.filters.size()),
+      row_thresholds(residual.size(), ResidualBank::kNoThreshold),
       fired(bank.filters.size()) {}
 
 std::string blame_text(const DiagnosisRecord& record) {
@@ -42,14 +44,14 @@ DiagnosisNode::DiagnosisNode(const SignalMap& map, const Bank& bank, bool is_ini
       bank_(bank),
       evaluator_(bank),
       table_(bank),
-      settling_(bank.decision.settle, evaluator_.signature().size()),
+      settling_(bank.decision, evaluator_.signature().size()),
       onset_(evaluator_.signature().size()),
       record_(bank) {
   message_names_.reserve(map.message_count());
   for (std::size_t message = 0; message < map.message_count(); ++message) {
     message_names_.push_back(map.message_name(message));
   }
-  if (!is_initial_state_known) evaluator_.contaminate_all();
+  if (!is_initial_state_known) evaluator_.contaminate_start();
 }
 
 void DiagnosisNode::on_frame(const CanFrame& frame, DiagnosisSink& sink) noexcept {
@@ -73,14 +75,14 @@ void DiagnosisNode::mark_contamination(const Sample& sample) noexcept {
     evaluator_.reset();
     settling_.reset();
     onset_.reset();
+    evaluator_.contaminate_start();
+  }
+  if ((sample.flags & kBadSample & ~kSampleReset) == 0) return;
+  // Where the sampler cannot say which value is wrong (a repeated or late frame), all may be.
+  if (has_stale(sample.y_is_fresh) || has_stale(sample.u_is_fresh)) {
+    evaluator_.contaminate(sample.y_is_fresh, sample.u_is_fresh);
+  } else {
     evaluator_.contaminate_all();
-  } else if (!sample.is_good()) {
-    // Where the sampler cannot say which value is wrong (a repeated or late frame), all may be.
-    if (has_stale(sample.y_is_fresh) || has_stale(sample.u_is_fresh)) {
-      evaluator_.contaminate(sample.y_is_fresh, sample.u_is_fresh);
-    } else {
-      evaluator_.contaminate_all();
-    }
   }
 }
 
@@ -109,10 +111,10 @@ void DiagnosisNode::on_sample(const Sample& sample, DiagnosisSink& sink) noexcep
   mark_contamination(sample);
   bank_.step(sample.y, sample.u);
   sink.on_stage(DiagnosisStage::kStepped);
-  evaluator_.step(bank_.evaluation());
+  evaluator_.step(bank_.evaluation(), bank_.thresholds());
   const Decision decision = evaluator_.is_any_contaminated()
                                 ? Decision{.verdict = Verdict::kInhibited}
-                                : table_.decide(evaluator_.signature());
+                                : table_.decide(evaluator_.signature(), evaluator_.persistent());
   const Decision& announced = settling_.step(decision, evaluator_.signature());
   if (!is_same_verdict(announced, record_.decision)) record_.since_cycle = sample.cycle;
   record_.onset = onset_.step(settling_, evaluator_, sample.cycle);
@@ -136,6 +138,8 @@ void DiagnosisNode::on_sample(const Sample& sample, DiagnosisSink& sink) noexcep
   record_.missing_messages = sampler_.counters().missing_messages;
   copy_into(bank_.residual(), record_.residual);
   copy_into(bank_.evaluation(), record_.evaluation);
+  copy_into(bank_.thresholds(), record_.thresholds);
+  copy_into(bank_.row_thresholds(), record_.row_thresholds);
   copy_into(evaluator_.fired(), record_.fired);
   sink.on_record(record_);
 }

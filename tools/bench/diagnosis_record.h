@@ -28,6 +28,8 @@ struct DiagnosisRecord {
   std::vector<std::uint32_t> y_age, u_age;  ///< samples; kNeverCame
   std::vector<double> residual;             ///< rows of all filters, stacked
   std::vector<double> evaluation;           ///< per filter
+  std::vector<double> thresholds;           ///< of the evaluation, per filter, at this sample
+  std::vector<double> row_thresholds;       ///< per row; ResidualBank::kNoThreshold: it has none
   std::vector<std::uint8_t> fired;          ///< per filter
   Decision decision;                        ///< the announced one
   std::uint32_t since_cycle = 0;            ///< first cycle of its verdict and sets

@@ -47,14 +47,16 @@ std::string sets_text(const std::vector<std::vector<std::string>>& sets) {
   return fmt::format("{}", fmt::join(texts, " | "));
 }
 
-// Digits after the point so that two of the deviation's show; six significant ones without it.
+// Digits after the point so that two of the bound's, or the deviation's, show; six significant ones
+// without.
 std::string estimate_text(const EstimateEntry& entry) {
-  if (!(entry.deviation > 0.0)) return fmt::format("{} = {:.6g}", entry.fault, entry.value);
+  const double uncertainty = std::max(entry.bound, entry.deviation);
+  if (!(uncertainty > 0.0)) return fmt::format("{} = {:.6g}", entry.fault, entry.value);
   constexpr int kMostDigits = 9;
   const int digits =
-      std::clamp(1 - static_cast<int>(std::floor(std::log10(entry.deviation))), 0, kMostDigits);
-  return fmt::format("{} = {:.{}f} +- {:.{}f}", entry.fault, entry.value, digits, entry.deviation,
-                     digits);
+      std::clamp(1 - static_cast<int>(std::floor(std::log10(uncertainty))), 0, kMostDigits);
+  return fmt::format("{} = {:.{}f}{}{:.{}f}", entry.fault, entry.value, digits,
+                     entry.bound > 0.0 ? ", within " : " +- ", uncertainty, digits);
 }
 
 }  // namespace
@@ -159,8 +161,8 @@ void RunHistory::on_estimate(const FaultEstimate& estimate) {
   entry.no_estimate.clear();
   entry.estimates.clear();
   for (std::size_t i = 0; i < magnitudes.faults.size(); ++i) {
-    entry.estimates.push_back(
-        {bank_->fault_names[magnitudes.faults[i]], magnitudes.value[i], magnitudes.deviation[i]});
+    entry.estimates.push_back({bank_->fault_names[magnitudes.faults[i]], magnitudes.value[i],
+                               magnitudes.deviation[i], magnitudes.bound[i]});
   }
   std::sort(entry.estimates.begin(), entry.estimates.end(),
             [](const EstimateEntry& a, const EstimateEntry& b) { return a.fault < b.fault; });

@@ -17,7 +17,8 @@ namespace faultline {
 struct EstimateEntry {
   std::string fault;
   double value = 0.0;
-  double deviation = 0.0;  ///< one standard deviation; negative: not known
+  double deviation = 0.0;                      ///< one standard deviation; negative: not known
+  double bound = MagnitudeEstimate::kUnknown;  ///< proved of |value - truth|; negative: nothing was
 };
 
 /// A verdict in words: the announced decision from `t_s` on.
@@ -117,7 +118,8 @@ class RunHistory {
 [[nodiscard]] std::string verdict_text(const VerdictEntry& entry);
 
 /// What is known beyond verdict_text: "u2 = 2.00 +- 0.01, u3 = 2.00 +- 0.01; onset 3.99 s; they
-/// cancel in r14", "partial signature, could be u1 | u4 below a threshold"; may be empty.
+/// cancel in r14", "y1 = 0.203, within 0.015" (a proved bound, not a deviation), "partial
+/// signature, could be u1 | u4 below a threshold"; may be empty.
 [[nodiscard]] std::string verdict_detail(const VerdictEntry& entry);
 
 }  // namespace faultline

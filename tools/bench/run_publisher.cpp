@@ -34,17 +34,6 @@ std::int64_t signed_command_cycle(std::uint32_t command_cycle) {
   return command_cycle == kNoCommand ? -1 : static_cast<std::int64_t>(command_cycle);
 }
 
-// Per output: the step between values that its signal can carry; 0 for a float.
-std::vector<double> output_resolution(const DiagnosisInputs& inputs) {
-  std::vector<double> resolution(inputs.bank.output_names.size());
-  for (const MappedMessage& message : inputs.map.sensor_messages) {
-    for (const MappedSignal& signal : message.channels) {
-      resolution[signal.channel] = std::abs(signal.scale) * signal.codec.resolution();
-    }
-  }
-  return resolution;
-}
-
 /// A byte per channel; more than a byte holds is 255.
 void copy_ages(const std::vector<std::uint32_t>& ages, std::vector<std::uint8_t>& out) {
   constexpr std::uint32_t kMost = 255;
@@ -116,11 +105,8 @@ RunPublisher::RunPublisher(const DiagnosisInputs& inputs,
       messages_(std::make_unique<Messages>()),
       cycles_per_second_(static_cast<std::uint32_t>(
           std::clamp(std::round(1.0 / inputs.bank.sample_time_s), 1.0, kMaxCyclesPerSecond))),
-      estimator_(inputs.bank, output_resolution(inputs)) {
+      estimator_(inputs) {
   residual_t& residual = messages_->residual;
-  for (const ResidualFilter& filter : inputs.bank.filters) {
-    residual.threshold.push_back(filter.threshold);
-  }
   sample_t& sample = messages_->sample;
   sample.output_count = static_cast<std::int32_t>(inputs.bank.output_names.size());
   sample.input_count = static_cast<std::int32_t>(inputs.bank.input_names.size());
@@ -222,34 +208,27 @@ const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
   residual.utime = utime;
   residual.cycle = record.cycle;
   residual.residual = record.residual;
+  residual.row_threshold = record.row_thresholds;
   residual.evaluation = record.evaluation;
+  residual.threshold = record.thresholds;
   residual.fired = record.fired;
   publish(messages_->on_residual, residual);
 
-  // A bad sample moves the filters' state, which the estimator takes for unknown anyway.
-  if ((record.flags & kBadSample) == 0) {
-    estimator_.push(record.cycle, record.residual);
-  } else {
-    estimator_.restart();
-  }
-  follow_inhibition(record, utime);
   const bool is_isolated = record.decision.verdict == Verdict::kIsolated;
-  if (is_first_record_ || !is_same_verdict(record.decision, last_decision_)) {
-    is_estimate_pending_ = is_isolated;
-    estimate_.onset_cycle = record.onset.cycle;
-  }
+  const std::span<const std::size_t> isolated =
+      is_isolated ? std::span<const std::size_t>(fault_sets_[record.decision.sets[0]])
+                  : std::span<const std::size_t>();
+  estimator_.push(record, isolated);
+  follow_inhibition(record, utime);
   const bool is_diagnosis_due = is_first_record_ || record.decision != last_decision_ ||
                                 is_blame_new_ || record.cycle % cycles_per_second_ == 0;
-  const bool is_estimate_due =
-      is_isolated && (is_diagnosis_due || (is_estimate_pending_ &&
-                                           estimator_.is_window_behind(record.onset.last_cycle)));
   is_first_record_ = false;
   last_decision_ = record.decision;
   if (is_diagnosis_due) publish_diagnosis(record, utime);
-  if (!is_estimate_due) return nullptr;
-  estimate(record);
-  publish_estimate(record, utime);
-  return &estimate_;
+  if (!is_isolated || !(is_diagnosis_due || estimator_.is_first_due())) return nullptr;
+  const FaultEstimate& estimate = estimator_.estimate(record, isolated);
+  publish_estimate(estimate, record.cycle, utime);
+  return &estimate;
 }
 
 /// EVENTs when a message inhibits the diagnosis and when that is over; one for each time.
@@ -303,26 +282,13 @@ void RunPublisher::publish_diagnosis(const DiagnosisRecord& record, std::int64_t
   publish(messages_->on_diagnosis, diagnosis);
 }
 
-void RunPublisher::estimate(const DiagnosisRecord& record) {
-  estimate_.magnitudes =
-      estimator_.estimate(fault_sets_[record.decision.sets[0]], record.onset.last_cycle);
-  if (!is_estimate_pending_ || !estimator_.is_window_behind(record.onset.last_cycle)) return;
-  is_estimate_pending_ = false;
-  // Refined once: later magnitudes need not be those that made the residual cross. Where it has
-  // cleared, a fault went, and the response to those that stay says nothing.
-  const std::int64_t filter = record.onset.filter;
-  if (filter == Onset::kNone || record.fired[static_cast<std::size_t>(filter)] == 0) return;
-  if (const auto delay = estimator_.response_delay(static_cast<std::size_t>(filter))) {
-    estimate_.onset_cycle = std::max<std::int64_t>(record.onset.cycle - *delay, 0);
-  }
-}
-
-void RunPublisher::publish_estimate(const DiagnosisRecord& record, std::int64_t utime) {
-  const MagnitudeEstimate& magnitudes = estimate_.magnitudes;
+void RunPublisher::publish_estimate(const FaultEstimate& estimate, std::uint32_t cycle,
+                                    std::int64_t utime) {
+  const MagnitudeEstimate& magnitudes = estimate.magnitudes;
   estimate_t& message = messages_->estimate;
   message.utime = utime;
-  message.cycle = record.cycle;
-  message.onset_cycle = estimate_.onset_cycle;
+  message.cycle = cycle;
+  message.onset_cycle = estimate.onset_cycle;
   message.reason = estimate_status_text(magnitudes.status);
   message.fault_count = static_cast<std::int32_t>(magnitudes.value.size());
   message.fault.clear();
@@ -331,7 +297,7 @@ void RunPublisher::publish_estimate(const DiagnosisRecord& record, std::int64_t 
   }
   message.estimate = magnitudes.value;
   message.deviation = magnitudes.deviation;
-  message.bound.assign(magnitudes.value.size(), MagnitudeEstimate::kUnknown);
+  message.bound = magnitudes.bound;
   publish(messages_->on_estimate, message);
 }
 
@@ -342,7 +308,9 @@ void RunPublisher::publish_truth(const PlantTruth& truth, const std::vector<Inje
   last_activity_.resize(injections.size(), 0.0);
   for (std::size_t i = 0; i < injections.size(); ++i) {
     const double a = activity(injections[i], t_s);
-    is_due = is_due || a != last_activity_[i];
+    // What a sinusoid adds changes in every cycle.
+    const bool is_moving = a > 0.0 && injections[i].kind == InjectionKind::kSinusoid;
+    is_due = is_due || is_moving || a != last_activity_[i];
     last_activity_[i] = a;
   }
   if (!is_due) return;
@@ -353,13 +321,11 @@ void RunPublisher::publish_truth(const PlantTruth& truth, const std::vector<Inje
   message.faults.clear();
   for (std::size_t i = 0; i < injections.size(); ++i) {
     const Injection& injection = injections[i];
-    const double a = last_activity_[i];
-    if (a == 0.0) continue;
+    if (last_activity_[i] == 0.0) continue;
     injected_fault_t& fault = message.faults.emplace_back();
     fault.target = injection.target;
     fault.kind = injection_kind_name(injection.kind);
-    fault.value = injection.kind == InjectionKind::kGain ? 1.0 + a * (injection.value - 1.0)
-                                                         : a * injection.value;
+    fault.value = injected_value(injection, t_s);
   }
   message.fault_count = static_cast<std::int32_t>(message.faults.size());
   message.x.assign(x.data(), x.data() + x.size());

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "diagnosis/bank/bank.h"
-#include "diagnosis/runtime/estimator.h"
+#include "diagnosis/runtime/decision.h"
 #include "drivers/can/can_bus.h"
 #include "drivers/can/can_frame.h"
 #include "drivers/signal/sampler.h"
@@ -94,8 +94,7 @@ class RunPublisher {
   void send_parts();
   void publish_diagnosis(const DiagnosisRecord& record, std::int64_t utime);
   void follow_inhibition(const DiagnosisRecord& record, std::int64_t utime);
-  void publish_estimate(const DiagnosisRecord& record, std::int64_t utime);
-  void estimate(const DiagnosisRecord& record);
+  void publish_estimate(const FaultEstimate& estimate, std::uint32_t cycle, std::int64_t utime);
 
   const DiagnosisInputs* inputs_;
   std::vector<std::vector<std::size_t>> fault_sets_;
@@ -113,9 +112,7 @@ class RunPublisher {
   std::uint32_t inhibited_at_ = 0;
   // Totals when it began, and of the last record.
   std::uint64_t bad_frames_then_ = 0, missing_then_ = 0, last_bad_frames_ = 0, last_missing_ = 0;
-  MagnitudeEstimator estimator_;
-  FaultEstimate estimate_;
-  bool is_estimate_pending_ = false;  // a set is isolated, and not estimated yet
+  FaultEstimator estimator_;
   bool is_first_truth_ = true;
   std::vector<double> last_activity_;
   std::uint64_t message_count_ = 0;

@@ -40,24 +40,83 @@ ControllerSpec read_controller(TomlTable table) {
     spec.K = table.matrix("K", -1, -1);
   }
   spec.feedforward = table.optional_vector("feedforward", -1);
+  spec.amplitude = table.optional_vector("amplitude", -1);
+  if (spec.amplitude) spec.frequency_Hz = table.vector("frequency_Hz", spec.amplitude->size());
   return spec;
+}
+
+template <class Timed>
+void read_end(TomlTable& table, Timed& entry) {
+  entry.until_s = table.optional_number("until_s");
+  if (entry.until_s && *entry.until_s <= entry.at_s) {
+    throw table.error("until_s", fmt::format("found {}, expected more than at_s = {}",
+                                             *entry.until_s, entry.at_s));
+  }
+}
+
+template <class Sinusoid>
+void read_sinusoid(TomlTable& table, Sinusoid& entry) {
+  entry.frequency_Hz = positive(table, "frequency_Hz");
+  entry.phase_rad = table.optional_number("phase_rad").value_or(0.0);
 }
 
 Injection read_injection(TomlTable table) {
   Injection injection;
   injection.target = table.string("target");
-  injection.kind = table.choice("kind", {"bias", "gain"}) == "bias" ? InjectionKind::kBias
-                                                                    : InjectionKind::kGain;
+  const std::string kind = table.choice("kind", {"bias", "gain", "sinusoid"});
+  if (kind == "gain") injection.kind = InjectionKind::kGain;
+  if (kind == "sinusoid") {
+    injection.kind = InjectionKind::kSinusoid;
+    read_sinusoid(table, injection);
+  }
   injection.value = table.number("value");
   injection.at_s = not_negative(table, "at_s", table.number("at_s"));
-  injection.until_s = table.optional_number("until_s");
-  if (injection.until_s && *injection.until_s <= injection.at_s) {
-    throw table.error("until_s", fmt::format("found {}, expected more than at_s = {}",
-                                             *injection.until_s, injection.at_s));
-  }
+  read_end(table, injection);
   injection.ramp_s = not_negative(table, "ramp_s", table.optional_number("ramp_s").value_or(0.0));
   if (table.has("period_s")) injection.period_s = positive(table, "period_s");
   return injection;
+}
+
+Perturbation read_perturbation(TomlTable table) {
+  Perturbation perturbation;
+  perturbation.target = table.string("target");
+  const std::string kind = table.choice("kind", {"uniform", "constant", "sinusoid"});
+  if (kind == "constant") perturbation.kind = PerturbationKind::kConstant;
+  if (kind == "sinusoid") {
+    perturbation.kind = PerturbationKind::kSinusoid;
+    read_sinusoid(table, perturbation);
+  }
+  // A constant may have either sign; of the others the sign says nothing.
+  if (perturbation.kind == PerturbationKind::kConstant) {
+    perturbation.size = table.optional_number("size");
+  } else if (table.has("size")) {
+    perturbation.size = positive(table, "size");
+  }
+  perturbation.at_s = not_negative(table, "at_s", table.optional_number("at_s").value_or(0.0));
+  read_end(table, perturbation);
+  return perturbation;
+}
+
+Integration read_simulation(TomlTable table) {
+  using enum IntegrationMethod;
+  Integration integration;
+  const std::string name = table.choice("method", {"exact", "zoh", "euler", "rk4"});
+  for (const IntegrationMethod method : {kExact, kZoh, kEuler, kRk4}) {
+    if (name == integration_method_name(method)) integration.method = method;
+  }
+  if (!table.has("substeps")) return integration;
+  if (integration.method != kRk4) {
+    throw table.error(
+        "substeps",
+        fmt::format("found it with method = \"{}\", expected it with \"rk4\" only", name));
+  }
+  const std::int64_t substeps = table.optional_integer("substeps").value_or(0);
+  if (substeps < 1 || substeps > kMostSubsteps) {
+    throw table.error("substeps",
+                      fmt::format("found {}, expected 1 to {}", substeps, kMostSubsteps));
+  }
+  integration.substeps = static_cast<int>(substeps);
+  return integration;
 }
 
 Expectation read_expectation(TomlTable table, double duration_s) {
@@ -138,11 +197,20 @@ Scenario scenario_of(TomlTable root, const std::filesystem::path& file) {
   scenario.seed = root.optional_integer("seed").value_or(1);
   scenario.initial_state = root.optional_vector("initial_state", -1);
   scenario.is_initial_state_known = root.optional_boolean("initial_state_known").value_or(false);
+  if (auto simulation = root.optional_table("simulation")) {
+    scenario.integration = read_simulation(*simulation);
+  }
   if (auto controller = root.optional_table("controller")) {
     scenario.controller = read_controller(*controller);
   }
   for (const TomlTable& table : root.tables("fault")) {
     scenario.injections.push_back(read_injection(table));
+  }
+  for (const TomlTable& table : root.tables("disturbance")) {
+    scenario.disturbances.push_back(read_perturbation(table));
+  }
+  for (const TomlTable& table : root.tables("noise")) {
+    scenario.noises.push_back(read_perturbation(table));
   }
   for (const TomlTable& table : root.tables("expect")) {
     scenario.expectations.push_back(read_expectation(table, scenario.duration_s));

@@ -14,6 +14,8 @@
 #include "diagnosis/runtime/decision.h"
 #include "drivers/signal/signal_map.h"
 #include "sim/fault.h"
+#include "sim/integration.h"
+#include "sim/perturbation.h"
 
 namespace faultline {
 
@@ -25,10 +27,12 @@ enum class ControllerKind {
 
 struct ControllerSpec {
   ControllerKind kind = ControllerKind::kNone;
-  std::optional<Eigen::MatrixXd> K;            ///< kGain: m×n
-  std::optional<Eigen::MatrixXd> Q;            ///< kLqr: n×n, identity if absent
-  std::optional<Eigen::MatrixXd> R;            ///< kLqr: m×m, identity if absent
-  std::optional<Eigen::VectorXd> feedforward;  ///< v, m; zero if absent
+  std::optional<Eigen::MatrixXd> K;             ///< kGain: m×n
+  std::optional<Eigen::MatrixXd> Q;             ///< kLqr: n×n, identity if absent
+  std::optional<Eigen::MatrixXd> R;             ///< kLqr: m×m, identity if absent
+  std::optional<Eigen::VectorXd> feedforward;   ///< v, m; zero if absent
+  std::optional<Eigen::VectorXd> amplitude;     ///< of a sine on each input, m; zero if absent
+  std::optional<Eigen::VectorXd> frequency_Hz;  ///< of these sines, m
 };
 
 /// What the diagnosis must answer at every sample from from_s to until_s, both included.
@@ -48,8 +52,10 @@ struct Scenario {
   std::int64_t seed = 1;
   std::optional<Eigen::VectorXd> initial_state;  ///< absolute; the operating point if absent
   bool is_initial_state_known = false;           ///< the bank need not forget its start
+  Integration integration;
   ControllerSpec controller;
   std::vector<Injection> injections;
+  std::vector<Perturbation> disturbances, noises;
   std::vector<Expectation> expectations;
   std::map<std::string, ChannelMapping, std::less<>> signals;
   std::string text;  ///< the file, whole

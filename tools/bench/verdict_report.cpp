@@ -27,7 +27,8 @@ Json verdict_json(const VerdictEntry& entry) {
       json["estimates"].push_back(
           {{"fault", estimate.fault},
            {"value", estimate.value},
-           {"deviation", estimate.deviation < 0.0 ? Json(nullptr) : Json(estimate.deviation)}});
+           {"deviation", estimate.deviation < 0.0 ? Json(nullptr) : Json(estimate.deviation)},
+           {"bound", estimate.bound < 0.0 ? Json(nullptr) : Json(estimate.bound)}});
     }
     if (!entry.no_estimate.empty()) json["no_estimate"] = entry.no_estimate;
   }

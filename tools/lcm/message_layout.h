@@ -25,7 +25,7 @@ namespace layout {
 inline constexpr std::string_view kRun = "qqssssiiNB";
 inline constexpr std::string_view kCan = "qqqiN(qicLB)";
 inline constexpr std::string_view kSample = "qqqqiNQBBBNQBBB";
-inline constexpr std::string_view kResidual = "qqqNQNQQB";
+inline constexpr std::string_view kResidual = "qqqNQQNQQB";
 inline constexpr std::string_view kDiagnosis = "qqqqqsssiN(NS)";
 inline constexpr std::string_view kEstimate = "qqqqsNSQQQ";
 inline constexpr std::string_view kTruth = "qqqN(ssq)NQ";

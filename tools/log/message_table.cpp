@@ -77,7 +77,11 @@ void add_members(Row& row, const sample_t& sample, const ChannelNames& names) {
 void add_members(Row& row, const residual_t& residual, const ChannelNames& names) {
   const auto rows = names_for(names.residuals, "r", residual.residual.size());
   const auto filters = names_for(names.filters, "filter", residual.evaluation.size());
-  for (std::size_t i = 0; i < rows.size(); ++i) row.add(rows[i], residual.residual[i]);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    row.add(rows[i], residual.residual[i]);
+    // Of linear filters no row has one, at no time.
+    if (residual.row_threshold[i] >= 0.0) row.add(rows[i], "_bound", residual.row_threshold[i]);
+  }
   for (std::size_t i = 0; i < filters.size(); ++i) {
     row.add(filters[i], "_evaluation", residual.evaluation[i]);
     row.add(filters[i], "_threshold", residual.threshold[i]);

@@ -71,6 +71,7 @@ Members members_of(const residual_t& residual, const Bank& bank) {
   }
   Members members;
   add_all(members, "residual", rows, residual.residual);
+  add_all(members, "row threshold", rows, residual.row_threshold);
   add_all(members, "evaluation", filter_names(bank), residual.evaluation);
   add_all(members, "threshold", filter_names(bank), residual.threshold);
   add_all(members, "fired", filter_names(bank), residual.fired);

@@ -169,7 +169,8 @@ TEST(BankFile, LocatesSemanticErrors) {
                 ": filters[0].F: found spectral radius 1.5, expected a stable filter (below 1)");
   EXPECT_EQ(refusal(with("\"settle\"", "\"setle\"")),
             "b.json:" + place_of("\"settle\"") +
-                ": decision: found unknown key \"setle\", expected one of dwell, settle, window");
+                ": decision: found unknown key \"setle\", expected one of dwell, settle, window, "
+                "clearing");
   EXPECT_EQ(refusal(with("\"schema\": 1", "\"schema\": 2")),
             "b.json:2:13: schema: found number 2, expected 1");
   EXPECT_EQ(refusal(with("  \"schema\": 1,\n", "")),

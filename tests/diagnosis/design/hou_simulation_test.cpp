@@ -72,7 +72,7 @@ Outcome run(const Bank& bank, const OracleScenario& scenario) {
   for (int k = 0; k <= kSteps; ++k) {
     const VectorXd y = loop.y();
     filters.step({y.data(), 3}, {loop.u().data(), 4});
-    evaluator.step(filters.evaluation());
+    evaluator.step(filters.evaluation(), filters.thresholds());
     for (std::size_t i = 0; i < bank.filters.size(); ++i) {
       if (evaluator.fired()[i] != 0 && result.first_crossing[i] < 0) {
         result.first_crossing[i] = k;

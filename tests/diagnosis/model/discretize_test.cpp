@@ -35,6 +35,25 @@ TEST(DiscretizeZoh, OfTwoHalfStepsIsTheWholeStep) {
   EXPECT_LT((whole.B - half.A * half.B - half.B).norm(), 1e-13 * whole.B.norm());
 }
 
+TEST(DiscretizeEuler, IsOneStepAlongTheTangent) {
+  const MatrixXd A = (MatrixXd(2, 2) << 1, 2, 3, -4).finished();
+  const MatrixXd B = (MatrixXd(2, 1) << 5, -6).finished();
+  const SampledSystem sampled = discretize_euler(A, B, 0.25);
+  EXPECT_EQ(sampled.A, (MatrixXd(2, 2) << 1.25, 0.5, 0.75, 0.0).finished());
+  EXPECT_EQ(sampled.B, (MatrixXd(2, 1) << 1.25, -1.5).finished());
+}
+
+TEST(DiscretizeEuler, MissesTheExactSamplingByTheSquareOfTheSampleTime) {
+  const MatrixXd A = (MatrixXd(2, 2) << 0, 1, -4, -0.5).finished();
+  const MatrixXd B = (MatrixXd(2, 1) << 1, 2).finished();
+  const auto error = [&](double T) {
+    const SampledSystem exact = discretize_zoh(A, B, T);
+    const SampledSystem euler = discretize_euler(A, B, T);
+    return (exact.A - euler.A).norm() + (exact.B - euler.B).norm();
+  };
+  EXPECT_NEAR(error(1e-3) / error(5e-4), 4.0, 0.01);
+}
+
 TEST(DiscretizeFoh, IsExactForARampThroughASingularSystem) {
   // x1' = x2, x2' = v with v = 1 + t over [0, 1]: x2 = 1 + 1/2, x1 = 1/2 + 1/6.
   const MatrixXd A = (MatrixXd(2, 2) << 0, 1, 0, 0).finished();

@@ -156,6 +156,41 @@ TEST(PlantFile, RefusesWrongValues) {
             "plant.toml:17:1: noise, entry 1: found neither, expected `bound` or `sigma`");
 }
 
+TEST(PlantFile, NamesNoiseSourcesByTheirPlaceUnlessItIsTold) {
+  const std::string source = "[[noise]]\noutput = [1, 0, 0]\nbound = 0.1\n";
+  const PlantModel plant =
+      parse_plant(hou_plant_text() + source + source + "name = \"hum\"\n" + source, "plant.toml");
+  ASSERT_EQ(plant.noises.size(), 3u);
+  EXPECT_EQ(plant.noises[0].name, "noise1");
+  EXPECT_EQ(plant.noises[1].name, "hum");
+  EXPECT_EQ(plant.noises[2].name, "noise3");
+  EXPECT_EQ(refusal(hou_plant_text() + source + source + "name = \"noise1\"\n"),
+            "plant.toml:23:8: noise, entry 2.name: found \"noise1\", expected a name no other "
+            "noise source has");
+  EXPECT_THAT(refusal(hou_plant_text() + source + "name = \"\"\n"),
+              StartsWith("plant.toml:20:8: noise, entry 1.name: found \"\""));
+}
+
+TEST(PlantFile, RefusesTheNameByWhichScenariosMeanEverySource) {
+  EXPECT_EQ(refusal(hou_plant_text() + "[[disturbance]]\nname = \"all\"\nstate = [1, 0, 0]\n"),
+            "plant.toml:18:8: disturbance, entry 1.name: found \"all\", expected another name: "
+            "scenarios mean every disturbance by it");
+  EXPECT_THAT(refusal(hou_plant_text() + "[[noise]]\nname = \"all\"\noutput = [1, 0, 0]\n"),
+              StartsWith("plant.toml:18:8: noise, entry 1.name: found \"all\""));
+}
+
+TEST(PlantFile, ReadsHowFarTheStatesGo) {
+  EXPECT_FALSE(hou_plant().state_range);
+  const std::string states = "names = [\"x1\", \"x2\", \"x3\"]\n";
+  const PlantModel plant = parse_plant(with(states, states + "range = [1, 2, 3]\n"), "plant.toml");
+  ASSERT_TRUE(plant.state_range);
+  EXPECT_EQ(*plant.state_range, Eigen::Vector3d(1.0, 2.0, 3.0));
+  EXPECT_EQ(refusal(with(states, states + "range = [1, 0, 3]\n")),
+            "plant.toml:7:9: states.range: found 0, expected positive numbers");
+  EXPECT_THAT(refusal(with(states, states + "range = [1, 2]\n")),
+              StartsWith("plant.toml:7:9: states.range: found a list of 2 values"));
+}
+
 TEST(PlantFile, RefusesUnknownKeys) {
   EXPECT_EQ(refusal(with("actuators", "actuator")),
             "plant.toml:16:1: faults: found unknown key \"actuator\"; did you mean \"actuators\"?");

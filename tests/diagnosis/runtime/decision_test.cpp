@@ -38,13 +38,15 @@ struct Answer {
   Decision decision;
   Sets sets;
 };
+/// 'P': persistent.
 Answer answer(const Bank& bank, const std::string& fired) {
   const DecisionTable table(bank);
-  std::vector<std::uint64_t> signature((fired.size() + 63) / 64);
+  std::vector<std::uint64_t> signature((fired.size() + 63) / 64), persistent = signature;
   for (std::size_t i = 0; i < fired.size(); ++i) {
-    signature[i / 64] |= std::uint64_t{fired[i] == '1'} << (i % 64);
+    signature[i / 64] |= std::uint64_t{fired[i] != '0'} << (i % 64);
+    persistent[i / 64] |= std::uint64_t{fired[i] == 'P'} << (i % 64);
   }
-  Answer result{table.decide(signature), {}};
+  Answer result{table.decide(signature, persistent), {}};
   for (std::uint32_t s = 0; s < std::min<std::size_t>(result.decision.set_count, 8); ++s) {
     result.sets.push_back(table.sets()[result.decision.sets[s]]);
   }
@@ -153,6 +155,46 @@ TEST(DecisionTable, AcceptsTheSilenceOfAResidualThatSeesAFaultOnlyInTransients) 
   EXPECT_EQ(answer(bank, "10").sets, (Sets{{1}}));
 }
 
+TEST(DecisionTable, LetsAPersistentResidualSeeAMemberAtDc) {
+  // An actuator that both see, a sensor that the first sees in transients.
+  const Bank bank = bank_of({"xt", "xx"}, 1);
+  const Answer young = answer(bank, "11");
+  EXPECT_EQ(young.decision.verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(young.sets, (Sets{{0}, {1}}));
+  const Answer old = answer(bank, "P1");
+  EXPECT_EQ(old.decision.verdict, Verdict::kIsolated);
+  EXPECT_EQ(old.decision.cause, Cause::kComplete);
+  EXPECT_EQ(old.sets, (Sets{{0}}));
+  const Answer gone = answer(bank, "01");
+  EXPECT_EQ(gone.decision.cause, Cause::kTransient);
+  EXPECT_EQ(gone.sets, (Sets{{1}}));
+  // The second, silent, must fire for the actuator.
+  const Answer partial = answer(bank, "P0");
+  EXPECT_EQ(partial.decision.cause, Cause::kPartial);
+  EXPECT_EQ(partial.sets, (Sets{{0}}));
+}
+
+TEST(DecisionTable, LeavesAPersistentResidualThatSeesOnlyTransientsUnexplained) {
+  const Bank bank = bank_of({"t.", "xx"}, 1);
+  EXPECT_EQ(answer(bank, "11").sets, (Sets{{0}}));
+  EXPECT_EQ(answer(bank, "P1").decision.cause, Cause::kMoreThanP);
+}
+
+TEST(DecisionTable, TakesALargerSetForAPersistentResidual) {
+  // Of the sensors the first residual sees the first in transients, the second at DC.
+  const Bank bank = bank_of({"tx", "x.", ".x"}, 2);
+  EXPECT_EQ(answer(bank, "110").sets, (Sets{{0}}));
+  EXPECT_EQ(answer(bank, "P10").decision.cause, Cause::kPartial);
+  EXPECT_EQ(answer(bank, "P11").sets, (Sets{{0, 1}}));
+}
+
+TEST(DecisionTable, ReadsPersistenceOfSeveralWords) {
+  std::vector<std::string> structure(70, "xx");
+  structure[69] = "xt";
+  EXPECT_EQ(answer(bank_of(structure, 1), std::string(70, '1')).sets, (Sets{{0}, {1}}));
+  EXPECT_EQ(answer(bank_of(structure, 1), std::string(69, '1') + "P").sets, (Sets{{0}}));
+}
+
 TEST(DecisionTable, CountsAllSetsButListsEight) {
   const Answer found = answer(bank_of({std::string(10, 'x')}, 1), "1");
   EXPECT_EQ(found.decision.verdict, Verdict::kAmbiguous);
@@ -190,7 +232,7 @@ Decision decision_of(Verdict verdict) {
 }
 
 TEST(Settling, AnnouncesASignatureOnceItHasStood) {
-  Settling settling(3, 1);
+  Settling settling({.settle = 3}, 1);
   const std::array<std::uint64_t, 1> none = {0}, some = {5}, other = {7};
   EXPECT_EQ(settling.announced().verdict, Verdict::kInhibited);
   for (int k = 0; k < 3; ++k) {
@@ -207,7 +249,7 @@ TEST(Settling, AnnouncesASignatureOnceItHasStood) {
 }
 
 TEST(Settling, AnnouncesInhibitionAtOnceAndKeepsItUntilASignatureHasStood) {
-  Settling settling(2, 1);
+  Settling settling({.settle = 2}, 1);
   const std::array<std::uint64_t, 1> none = {0};
   settling.step(decision_of(Verdict::kHealthy), none);
   settling.step(decision_of(Verdict::kHealthy), none);
@@ -216,8 +258,20 @@ TEST(Settling, AnnouncesInhibitionAtOnceAndKeepsItUntilASignatureHasStood) {
   EXPECT_EQ(settling.step(decision_of(Verdict::kHealthy), none).verdict, Verdict::kHealthy);
 }
 
+TEST(Settling, AnnouncesAnotherDecisionOfTheSameSignatureOnceThatHasStood) {
+  Settling settling({.settle = 3}, 1);
+  const std::array<std::uint64_t, 1> some = {3};
+  for (int k = 0; k < 10; ++k) settling.step(decision_of(Verdict::kAmbiguous), some);
+  for (int k = 0; k < 2; ++k) {
+    EXPECT_EQ(settling.step(decision_of(Verdict::kIsolated), some).verdict, Verdict::kAmbiguous);
+    EXPECT_FALSE(settling.has_settled());
+  }
+  EXPECT_EQ(settling.step(decision_of(Verdict::kIsolated), some).verdict, Verdict::kIsolated);
+  EXPECT_TRUE(settling.has_settled());
+}
+
 TEST(Settling, KeepsAnAnnouncedSignatureForAnyLength) {
-  Settling settling(2, 1);
+  Settling settling({.settle = 2}, 1);
   const std::array<std::uint64_t, 1> none = {0};
   for (int k = 0; k < 100; ++k) {
     settling.step(decision_of(Verdict::kHealthy), none);
@@ -227,7 +281,7 @@ TEST(Settling, KeepsAnAnnouncedSignatureForAnyLength) {
 
 TEST(Decision, DoesNotTouchTheHeapInAThousandSteps) {
   const DecisionTable table(hou_structure());
-  Settling settling(3, 1);
+  Settling settling({.settle = 3}, 1);
   const AllocationGuard guard;
   for (std::uint64_t k = 0; k < 1000; ++k) {
     const std::array<std::uint64_t, 1> signature = {(k / 5) % 64};
@@ -238,6 +292,30 @@ TEST(Decision, DoesNotTouchTheHeapInAThousandSteps) {
   }
   const std::uint64_t heap_calls = guard.heap_calls();
   EXPECT_EQ(heap_calls, 0u);
+}
+
+TEST(Settling, DoesNotLetAFaultTurnIntoAnotherWhileResidualsClear) {
+  Settling settling({.settle = 2, .clearing = 5}, 1);
+  const Decision actuator{.verdict = Verdict::kIsolated, .set_count = 1, .sets = {1}};
+  const Decision sensor{.verdict = Verdict::kIsolated, .set_count = 1, .sets = {2}};
+  const Decision either{.verdict = Verdict::kAmbiguous, .set_count = 2, .sets = {1, 2}};
+  const Decision healthy{.verdict = Verdict::kHealthy, .set_count = 1};
+  const auto steps = [&](const Decision& decision, std::uint64_t signature, int count) {
+    const std::array<std::uint64_t, 1> word{signature};
+    for (int i = 0; i < count; ++i) settling.step(decision, word);
+    return settling.announced();
+  };
+  EXPECT_EQ(steps(actuator, 0b11, 2), actuator);
+  // One of two residuals has cleared; what is left would name the sensor.
+  EXPECT_EQ(steps(sensor, 0b10, 4), actuator);
+  EXPECT_FALSE(settling.has_settled());
+  EXPECT_EQ(steps(healthy, 0b00, 2), healthy);  // .. but it clears, too
+  EXPECT_EQ(steps(actuator, 0b11, 2), actuator);
+  EXPECT_EQ(steps(sensor, 0b10, 5), sensor);  // it stays: it is the sensor
+  // Out of an ambiguous one a set is chosen at once, and so is one that a new residual names.
+  EXPECT_EQ(steps(either, 0b11, 2), either);
+  EXPECT_EQ(steps(sensor, 0b10, 2), sensor);
+  EXPECT_EQ(steps(actuator, 0b01, 2), actuator);
 }
 
 }  // namespace

@@ -391,9 +391,8 @@ TEST(MagnitudeEstimator, StartsTheWindowAgainWhereASampleIsMissing) {
   EXPECT_FALSE(estimator.is_window_behind(kLongAgo));
 }
 
-TEST(MagnitudeEstimator, KnowsHowLongAResidualTakesToCross) {
+void expect_delays_of_crossings(const Bank& bank) {
   std::mt19937_64 engine(1);
-  const Bank bank = sampled_bank();
   for (const double size : {1.1, 2.0, 10.0}) {
     MagnitudeEstimator estimator(bank);
     HouLoop loop(bank);
@@ -414,6 +413,23 @@ TEST(MagnitudeEstimator, KnowsHowLongAResidualTakesToCross) {
       EXPECT_EQ(delay ? static_cast<int>(*delay) : -1, crossed_after[i]) << i;
     }
   }
+}
+
+TEST(MagnitudeEstimator, KnowsHowLongAResidualTakesToCross) {
+  expect_delays_of_crossings(sampled_bank());
+}
+
+TEST(MagnitudeEstimator, KnowsHowLongAResidualTakesToCrossTheEndOfItsCourse) {
+  Bank bank = sampled_bank();
+  for (std::size_t i = 0; i < bank.filters.size(); ++i) {
+    ResidualFilter& filter = bank.filters[i];
+    // The last thresholds are 1.5 times what they were, the first far beyond.
+    const Eigen::Vector2d course(100.0, 1.5 * filter.threshold);
+    filter.course = ThresholdCourse{MatrixXd::Constant(1, 1, 3.0), 3.0 * course, course};
+    filter.evaluation = i % 2 == 0 ? Evaluation::kNorm : Evaluation::kComponent;
+    filter.threshold = i % 2 == 0 ? 3.0 * course[1] : 1.0;
+  }
+  expect_delays_of_crossings(bank);
 }
 
 TEST(MagnitudeEstimator, TakesTheLargestBankThatIsMeantToRun) {
@@ -446,7 +462,7 @@ TEST(MagnitudeEstimator, SaysInWordsWhyThereIsNoEstimate) {
   EXPECT_EQ(estimate_status_text(EstimateStatus::kValid), "");
   for (const EstimateStatus status :
        {EstimateStatus::kTooFewSamples, EstimateStatus::kTransientOnly, EstimateStatus::kDependent,
-        EstimateStatus::kTooLarge}) {
+        EstimateStatus::kTooLarge, EstimateStatus::kSettling}) {
     EXPECT_NE(estimate_status_text(status), "");
   }
 }

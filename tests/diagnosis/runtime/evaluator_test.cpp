@@ -10,7 +10,7 @@
 namespace faultline {
 namespace {
 
-/// Two residuals with threshold 1: the first uses y1 and u1, the second y2 only.
+/// Two residuals, stepped with threshold 1: the first uses y1 and u1, the second y2 only.
 Bank two_residuals(std::uint32_t dwell) {
   Bank bank;
   bank.decision.dwell = dwell;
@@ -23,7 +23,6 @@ Bank two_residuals(std::uint32_t dwell) {
     filter.H = Eigen::RowVector2d::Zero();
     filter.G = Eigen::MatrixXd::Constant(1, 1, i == 0 ? 1.0 : 0.0);
     filter.K = Eigen::MatrixXd::Zero(1, 1);
-    filter.threshold = 1.0;
     filter.forget_samples = 2;
     bank.filters.push_back(filter);
   }
@@ -32,7 +31,8 @@ Bank two_residuals(std::uint32_t dwell) {
 
 void step(Evaluator& evaluator, double first, double second) {
   const std::array<double, 2> evaluation = {first, second};
-  evaluator.step(evaluation);
+  constexpr std::array<double, 2> kThresholds = {1.0, 1.0};
+  evaluator.step(evaluation, kThresholds);
 }
 
 TEST(Evaluator, FiresAfterDwellSamplesStrictlyAboveTheThreshold) {
@@ -96,6 +96,26 @@ TEST(Evaluator, ContaminatesOnlyTheResidualsThatUseTheBadChannel) {
   EXPECT_EQ(evaluator.fired()[1], 1);
 }
 
+TEST(Evaluator, ContaminatesResidualsThatUseTheBadChannelInALipschitzTermAlone) {
+  Bank bank = two_residuals(1);
+  FilterNonlinearity term;
+  term.W = term.a_v = Eigen::VectorXd::Ones(1);
+  term.a_y = Eigen::VectorXd::Zero(2);
+  term.a_u = Eigen::VectorXd::Ones(1);
+  bank.filters[1].nonlinearities = {term};
+  Evaluator evaluator(bank);
+  evaluator.contaminate(std::array<std::uint8_t, 2>{1, 1}, std::array<std::uint8_t, 1>{0});
+  step(evaluator, 2.0, 2.0);
+  EXPECT_EQ(evaluator.signature()[0], 0u);
+  term.a_y = Eigen::Vector2d::UnitX();
+  term.a_u = Eigen::VectorXd::Zero(1);
+  bank.filters[1].nonlinearities = {term};
+  Evaluator other(bank);
+  other.contaminate(std::array<std::uint8_t, 2>{0, 1}, std::array<std::uint8_t, 1>{1});
+  step(other, 2.0, 2.0);
+  EXPECT_EQ(other.signature()[0], 0u);
+}
+
 TEST(Evaluator, StaysContaminatedForForgetSamplesAndCountsTheDwellFromThere) {
   Evaluator evaluator(two_residuals(2));
   evaluator.contaminate_all();
@@ -130,13 +150,84 @@ TEST(Evaluator, ForgetsEverythingOnReset) {
   EXPECT_EQ(evaluator.signature()[0], 0b01u);
 }
 
+TEST(Evaluator, ComparesWithTheThresholdsOfEachSample) {
+  Evaluator evaluator(two_residuals(1));
+  for (const double threshold : {1.0, 2.0, 0.5}) {
+    evaluator.step(std::array{1.5, 1.5}, std::array{threshold, 10.0});
+    EXPECT_EQ(evaluator.fired()[0], threshold < 1.5 ? 1 : 0);
+  }
+  evaluator.step(std::array{0.0, 0.0}, std::array{std::numeric_limits<double>::quiet_NaN(), 1.0});
+  EXPECT_EQ(evaluator.fired()[0], 1);
+}
+
+/// The first residual, of which a transient lasts 4 samples at most, has a course.
+Bank first_is_an_observer(std::uint32_t dwell) {
+  Bank bank = two_residuals(dwell);
+  bank.filters[0].transient_samples = 4;
+  bank.filters[0].course = ThresholdCourse();
+  return bank;
+}
+
+TEST(Evaluator, StartsWithResidualsThatHaveACourseAtOnce) {
+  Evaluator evaluator(first_is_an_observer(1));
+  evaluator.contaminate_start();
+  step(evaluator, 2.0, 2.0);
+  EXPECT_EQ(evaluator.signature()[0], 0b01u);
+  EXPECT_TRUE(evaluator.is_any_contaminated()) << "the other one";
+  evaluator.reset();
+  evaluator.contaminate_all();
+  step(evaluator, 2.0, 2.0);
+  EXPECT_EQ(evaluator.signature()[0], 0u) << "a bad sample is another matter";
+}
+
+TEST(Evaluator, CallsAResidualPersistentThatFiresLongerThanATransient) {
+  for (const std::uint32_t dwell : {1u, 3u}) {
+    Evaluator evaluator(first_is_an_observer(dwell));
+    for (std::uint32_t above = 0; above < 4; ++above) step(evaluator, 2.0, 2.0);
+    for (int k = 0; k < 20; ++k) {
+      step(evaluator, 0.0, 2.0);
+      EXPECT_EQ(evaluator.persistent()[0], 0u) << "above for 4 samples is no more than 4";
+    }
+    for (std::uint32_t above = 0; above < 4 + dwell; ++above) {
+      EXPECT_EQ(evaluator.persistent()[0], 0u) << above;
+      step(evaluator, 2.0, 2.0);
+    }
+    EXPECT_EQ(evaluator.persistent()[0], 0b01u) << "the other one never is";
+    for (int k = 0; k < 100; ++k) step(evaluator, 2.0, 2.0);
+    EXPECT_EQ(evaluator.persistent()[0], 0b01u);
+    for (std::uint32_t below = 0; below < dwell; ++below) step(evaluator, 0.0, 2.0);
+    EXPECT_EQ(evaluator.persistent()[0], 0u);
+  }
+}
+
+TEST(Evaluator, CountsAgainWhatABadSampleMayHaveMadeFire) {
+  Evaluator evaluator(first_is_an_observer(1));
+  for (int k = 0; k < 10; ++k) step(evaluator, 2.0, 2.0);
+  EXPECT_EQ(evaluator.persistent()[0], 0b01u);
+  evaluator.contaminate_all();
+  for (int k = 0; k < 2; ++k) {
+    step(evaluator, 2.0, 2.0);
+    EXPECT_EQ(evaluator.persistent()[0], 0u) << "contaminated";
+  }
+  for (int k = 0; k < 4; ++k) {
+    step(evaluator, 2.0, 2.0);
+    EXPECT_EQ(evaluator.persistent()[0], 0u) << k;
+  }
+  step(evaluator, 2.0, 2.0);
+  EXPECT_EQ(evaluator.persistent()[0], 0b01u);
+  evaluator.reset();
+  EXPECT_EQ(evaluator.persistent()[0], 0u);
+}
+
 TEST(Evaluator, PutsMoreThan64ResidualsIntoSeveralWords) {
   Bank bank = two_residuals(1);
   bank.filters.resize(70, bank.filters[0]);
   Evaluator evaluator(bank);
   std::array<double, 70> evaluation = {};
   evaluation[65] = 2.0;
-  evaluator.step(evaluation);
+  std::array<double, 70> thresholds = {};
+  thresholds.fill(1.0);
+  evaluator.step(evaluation, thresholds);
   ASSERT_EQ(evaluator.signature().size(), 2u);
   EXPECT_EQ(evaluator.signature()[0], 0u);
   EXPECT_EQ(evaluator.signature()[1], 0b10u);

@@ -1,6 +1,7 @@
 #include "diagnosis/runtime/onset.h"
 
 #include <string>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -37,11 +38,11 @@ Bank hou_structure() {
 /// Evaluation, decision, settling and onset, one sample after the other.
 class Sequence {
  public:
-  explicit Sequence(std::uint32_t first_cycle = 0)
-      : bank_(hou_structure()),
+  explicit Sequence(std::uint32_t first_cycle = 0, Bank bank = hou_structure())
+      : bank_(std::move(bank)),
         evaluator_(bank_),
         table_(bank_),
-        settling_(kSettle, 1),
+        settling_({.settle = kSettle}, 1),
         tracker_(1),
         next_(first_cycle) {}
 
@@ -52,10 +53,11 @@ class Sequence {
       for (const char mark : above) {
         evaluation.push_back(mark == '1' ? 2.0 : 0.5);
       }
-      evaluator_.step(evaluation);
-      const Decision decision = evaluator_.is_any_contaminated()
-                                    ? Decision{.verdict = Verdict::kInhibited}
-                                    : table_.decide(evaluator_.signature());
+      evaluator_.step(evaluation, std::vector<double>(evaluation.size(), 1.0));
+      const Decision decision =
+          evaluator_.is_any_contaminated()
+              ? Decision{.verdict = Verdict::kInhibited}
+              : table_.decide(evaluator_.signature(), evaluator_.persistent());
       settling_.step(decision, evaluator_.signature());
       onset_ = tracker_.step(settling_, evaluator_, next_);
     } while (next_++ != last);
@@ -154,6 +156,46 @@ TEST(OnsetTracker, TellsWhenAFaultWentThatHadBeenThere) {
   EXPECT_EQ(run.onset().cycle, 100);
 }
 
+TEST(OnsetTracker, GivesADecisionThatKnowsMoreOfAnAmbiguousOneItsOnset) {
+  // u1, u4 cancel in r23, or u2, u3 in r14, which fires in the end.
+  Sequence run;
+  run.run_to(49, "000000");
+  run.run_to(99, "110011");
+  EXPECT_EQ(run.verdict(), "ambiguous");
+  EXPECT_EQ(run.onset().cycle, 50);
+  run.run_to(150, "111011");
+  EXPECT_EQ(run.verdict(), "isolated 2 3");
+  EXPECT_EQ(run.onset().cycle, 50);
+  EXPECT_EQ(run.onset().last_cycle, 100);
+}
+
+TEST(OnsetTracker, KeepsItsOnsetWhereNothingCrossedButAResidualBecamePersistent) {
+  Bank bank = hou_structure();
+  bank.concurrent = 1;
+  bank.fault_names = {"y1"};
+  bank.filters.resize(1);
+  bank.filters[0].sees = {Sensitivity::kTransient};
+  bank.filters[0].transient_samples = 5;
+  Sequence run(0, bank);
+  run.run_to(49, "0");
+  run.run_to(55, "1");
+  EXPECT_EQ(run.verdict(), "isolated 1");
+  EXPECT_EQ(run.onset().cycle, 50);
+  run.run_to(80, "1");
+  EXPECT_EQ(run.verdict(), "unexplained") << "y1 does not make it fire for so long";
+  EXPECT_EQ(run.onset().cycle, 50);
+  EXPECT_EQ(run.onset().last_cycle, 50);
+}
+
+TEST(OnsetTracker, GivesAFaultThatLeftAnAmbiguousPairItsOwnOnset) {
+  Sequence run;
+  run.run_to(49, "000000");
+  run.run_to(99, "110011");
+  run.run_to(150, "000111");
+  EXPECT_EQ(run.verdict(), "isolated 1");
+  EXPECT_EQ(run.onset().cycle, 100) << "another set than those of before";
+}
+
 TEST(OnsetTracker, HasNoneWhileInhibitedAndItsOldOneAfterwards) {
   Sequence run;
   run.run_to(49, "000000");
@@ -190,15 +232,16 @@ TEST(OnsetTracker, DoesNotTouchTheHeapInAThousandSteps) {
   const Bank bank = hou_structure();
   Evaluator evaluator(bank);
   const DecisionTable table(bank);
-  Settling settling(kSettle, 1);
+  Settling settling({.settle = kSettle}, 1);
   OnsetTracker tracker(1);
   std::vector<double> evaluation(6);
+  const std::vector<double> thresholds(6, 1.0);
   const AllocationGuard guard;
   for (std::uint32_t k = 0; k < 1000; ++k) {
     for (std::size_t i = 0; i < evaluation.size(); ++i) {
       evaluation[i] = (k / 20 + i) % 3 == 0 ? 2.0 : 0.0;
     }
-    evaluator.step(evaluation);
+    evaluator.step(evaluation, thresholds);
     settling.step(table.decide(evaluator.signature()), evaluator.signature());
     tracker.step(settling, evaluator, k);
     if (k % 300 == 0) {

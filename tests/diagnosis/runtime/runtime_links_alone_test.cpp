@@ -57,7 +57,7 @@ TEST(Runtime, EvaluatesAndDecidesWithoutTheDesign) {
   const Bank bank = read_bank(kGolden + "replay.bank.json");
   Evaluator evaluator(bank);
   const DecisionTable table(bank);
-  evaluator.step(std::vector<double>(bank.filters.size(), 0.0));
+  evaluator.step(std::vector<double>(bank.filters.size(), 0.0), ResidualBank(bank).thresholds());
   EXPECT_EQ(table.decide(evaluator.signature()).verdict, Verdict::kHealthy);
 }
 

@@ -51,6 +51,20 @@ TEST(BenchOnVcan, GivesTheSameBitsAsTheLoopBusInLockStep) {
   EXPECT_EQ(on_vcan.counters.frames_dropped, 0U);
 }
 
+TEST(BenchOnVcan, RunsANonlinearPlantWithNoiseToTheSameBits) {
+  const BenchInputs inputs = load_bench_inputs(kExamples.parent_path() / "ma2024" / "fig2.toml");
+  const TemporaryFolder folder;
+  static_cast<void>(run(inputs, "loop", false, folder.path() / "loop.lcm"));
+  const BenchResult on_vcan = run(inputs, "can:vcan0", false, folder.path() / "vcan.lcm");
+  EXPECT_TRUE(on_vcan.history.are_expectations_met());
+  EXPECT_EQ(on_vcan.counters.frames_dropped, 0U);
+  const auto loop = logged_residuals(folder.path() / "loop.lcm");
+  const auto vcan = logged_residuals(folder.path() / "vcan.lcm");
+  ASSERT_EQ(loop.size(), 8001U);
+  ASSERT_EQ(vcan.size(), 8001U);
+  EXPECT_EQ(first_difference(loop, vcan), 8001U);
+}
+
 TEST(BenchOnUdp, GivesTheSameBitsAsTheLoopBusInLockStep) {
   const BenchInputs inputs = load_bench_inputs(kExamples / "fig13.toml");
   const TemporaryFolder folder;

@@ -128,6 +128,65 @@ TEST_F(DiagnosisNodeTest, ForgetsEverythingWhenThePlantRestarts) {
   EXPECT_EQ(node.sampler_counters().resets, 1U);
 }
 
+/// The bank with thresholds that hold from the first sample on for all its filters.
+Bank with_courses(Bank bank) {
+  for (ResidualFilter& filter : bank.filters) {
+    const Eigen::Index rows = filter.H.rows();
+    filter.course = ThresholdCourse{Eigen::MatrixXd::Identity(rows, rows),
+                                    Eigen::VectorXd::Constant(1, filter.threshold),
+                                    Eigen::MatrixXd::Constant(1, rows, filter.threshold)};
+  }
+  return bank;
+}
+
+TEST_F(DiagnosisNodeTest, DoesNotAllocateWithObservers) {
+  const std::vector<CanFrame> frames = record_frames(inputs_, 1001);
+  Bank bank = with_courses(inputs_.bank);
+  for (ResidualFilter& filter : bank.filters) {
+    FilterNonlinearity term;
+    term.W = Eigen::VectorXd::Constant(filter.F.rows(), 1e-6);
+    term.a_v = Eigen::VectorXd::Ones(filter.F.rows());
+    term.a_y = Eigen::VectorXd::Ones(filter.H.cols());
+    term.a_u = Eigen::VectorXd::Ones(filter.K.cols());
+    filter.nonlinearities = {term};
+    filter.transient_samples = 10;
+  }
+  DiagnosisNode node(inputs_.map, bank, false);
+  const AllocationGuard guard;
+  for (const CanFrame& frame : frames) node.on_frame(frame, sink_);
+  node.finish(sink_);
+  EXPECT_EQ(guard.heap_calls(), 0U);
+  EXPECT_EQ(sink_.last.verdict, Verdict::kIsolated);
+}
+
+TEST_F(DiagnosisNodeTest, SpeaksAtOnceWhereThresholdsHoldFromTheFirstSample) {
+  const std::vector<CanFrame> frames = record_frames(inputs_, 50);
+  DiagnosisNode node(inputs_.map, with_courses(inputs_.bank), false);
+  for (const CanFrame& frame : frames) node.on_frame(frame, sink_);
+  EXPECT_EQ(sink_.last.verdict, Verdict::kHealthy);
+  EXPECT_EQ(sink_.inhibited, inputs_.bank.decision.settle - 1);
+}
+
+TEST_F(DiagnosisNodeTest, SpeaksSoonAfterARestartWhereThresholdsHoldFromTheFirstSample) {
+  const std::vector<CanFrame> frames = record_frames(inputs_, 300);
+  DiagnosisNode node(inputs_.map, with_courses(inputs_.bank), false);
+  for (const CanFrame& frame : frames) node.on_frame(frame, sink_);
+  sink_.inhibited = 0;
+  for (const CanFrame& frame : frames) node.on_frame(frame, sink_);
+  EXPECT_EQ(node.sampler_counters().resets, 1U);
+  EXPECT_EQ(sink_.last.verdict, Verdict::kHealthy);
+  EXPECT_EQ(sink_.inhibited, inputs_.bank.decision.settle - 1);
+}
+
+TEST_F(DiagnosisNodeTest, DistrustsABadSampleAlsoWhereThresholdsHoldFromTheFirstSample) {
+  std::vector<CanFrame> frames = record_frames(inputs_, 390);
+  frames.erase(frames.begin() + 200 * 5 + 1);  // a sensor message
+  DiagnosisNode node(inputs_.map, with_courses(inputs_.bank), false);
+  for (const CanFrame& frame : frames) node.on_frame(frame, sink_);
+  EXPECT_EQ(sink_.last.verdict, Verdict::kHealthy);
+  EXPECT_GT(sink_.inhibited, inputs_.bank.filters[0].forget_samples / 2);
+}
+
 TEST_F(DiagnosisNodeTest, SaysSinceWhenItsVerdictStands) {
   const std::vector<CanFrame> frames = record_frames(inputs_, 600);
   DiagnosisNode node(inputs_.map, inputs_.bank, true);

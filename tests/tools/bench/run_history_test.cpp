@@ -2,8 +2,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "tools/bench/bench_inputs.h"
+#include "tools/bench/verdict_report.h"
 
 namespace faultline {
 namespace {
@@ -145,12 +147,28 @@ TEST_F(RunHistoryTest, KeepsTheLastEstimateOfAVerdict) {
   history.on_estimate(estimate);
   EXPECT_EQ(verdict_detail(history.verdicts().back()),
             "no estimate: the window does not lie behind the onset yet");
-  estimate.magnitudes = {EstimateStatus::kValid, {1, 0}, {-2.0, 0.5}, {0.012, -1.0}};
+  estimate.magnitudes = {EstimateStatus::kValid, {1, 0}, {-2.0, 0.5}, {0.012, -1.0}, {-1.0, -1.0}};
   estimate.onset_cycle = 40;
   history.on_estimate(estimate);
   EXPECT_EQ(verdict_detail(history.verdicts().back()), "a = 0.5, b = -2.000 +- 0.012; onset 4 s");
   history.on_estimate({});
   EXPECT_EQ(history.verdicts().back().estimates.size(), 2U);
+}
+
+TEST_F(RunHistoryTest, TellsAProvedBoundFromADeviation) {
+  const FaultSchedule schedule(plant_, {});
+  RunHistory history(bank_, sets_, {}, schedule);
+  history.on_record(record(50, Verdict::kIsolated, 1));
+  FaultEstimate estimate;
+  estimate.magnitudes.status = EstimateStatus::kSettling;
+  history.on_estimate(estimate);
+  EXPECT_EQ(verdict_detail(history.verdicts().back()), "no estimate: settling");
+  estimate.magnitudes = {EstimateStatus::kValid, {0}, {0.20312}, {-1.0}, {0.0147}};
+  history.on_estimate(estimate);
+  EXPECT_EQ(verdict_detail(history.verdicts().back()), "a = 0.203, within 0.015");
+  const nlohmann::ordered_json json = verdict_json(history.verdicts().back()).at("estimates").at(0);
+  EXPECT_EQ(json.at("bound"), 0.0147);
+  EXPECT_TRUE(json.at("deviation").is_null());
 }
 
 TEST_F(RunHistoryTest, SaysWhichBiasIsTooSmallToBeIsolated) {

@@ -84,6 +84,97 @@ y1 = { signal = "Other", scale = 2.0, offset = -1, sign = -1 }
   EXPECT_EQ(scenario.signals.at("y1").offset, -1.0);
 }
 
+TEST_F(ScenarioTest, ReadsHowThePlantIsSimulatedAndWhatDisturbsIt) {
+  const Scenario scenario = read(R"(
+[simulation]
+method = "rk4"
+substeps = 25
+[[fault]]
+target = "u1"
+kind = "sinusoid"
+value = 0.1
+at_s = 10
+frequency_Hz = 5
+phase_rad = -1.5
+[[disturbance]]
+target = "all"
+kind = "uniform"
+[[disturbance]]
+target = "wind"
+kind = "constant"
+size = -0.25
+at_s = 3
+until_s = 4
+[[noise]]
+target = "noise1"
+kind = "sinusoid"
+size = 0.5
+frequency_Hz = 50
+phase_rad = 1
+)");
+  EXPECT_EQ(scenario.integration.method, IntegrationMethod::kRk4);
+  EXPECT_EQ(scenario.integration.substeps, 25);
+  ASSERT_EQ(scenario.injections.size(), 1U);
+  EXPECT_EQ(scenario.injections[0].kind, InjectionKind::kSinusoid);
+  EXPECT_EQ(scenario.injections[0].frequency_Hz, 5.0);
+  EXPECT_EQ(scenario.injections[0].phase_rad, -1.5);
+  ASSERT_EQ(scenario.disturbances.size(), 2U);
+  EXPECT_EQ(scenario.disturbances[0].target, "all");
+  EXPECT_EQ(scenario.disturbances[0].kind, PerturbationKind::kUniform);
+  EXPECT_FALSE(scenario.disturbances[0].size);
+  EXPECT_EQ(scenario.disturbances[1].kind, PerturbationKind::kConstant);
+  EXPECT_EQ(scenario.disturbances[1].size, -0.25);
+  EXPECT_EQ(scenario.disturbances[1].at_s, 3.0);
+  EXPECT_EQ(scenario.disturbances[1].until_s, 4.0);
+  ASSERT_EQ(scenario.noises.size(), 1U);
+  EXPECT_EQ(scenario.noises[0].kind, PerturbationKind::kSinusoid);
+  EXPECT_EQ(scenario.noises[0].frequency_Hz, 50.0);
+  EXPECT_EQ(scenario.noises[0].phase_rad, 1.0);
+}
+
+TEST_F(ScenarioTest, LeavesTheMethodToThePlantUnlessItIsTold) {
+  EXPECT_FALSE(read("").integration.method);
+  EXPECT_EQ(read("[simulation]\nmethod = \"euler\"\n").integration.method,
+            IntegrationMethod::kEuler);
+}
+
+TEST_F(ScenarioTest, PointsAtWhatIsWrongInTheSimulation) {
+  EXPECT_THAT(refusal("[simulation]\nmethod = \"rk5\"\n"), HasSubstr("s.toml:8:10: "));
+  EXPECT_THAT(refusal("[simulation]\nsubsteps = 5\n"),
+              HasSubstr("simulation.method: found nothing"));
+  EXPECT_THAT(
+      refusal("[simulation]\nmethod = \"zoh\"\nsubsteps = 5\n"),
+      HasSubstr("s.toml:9:12: simulation.substeps: found it with method = \"zoh\", expected "
+                "it with \"rk4\" only"));
+  for (const char* substeps : {"0", "-1", "1001"}) {
+    EXPECT_THAT(
+        refusal(std::string("[simulation]\nmethod = \"rk4\"\nsubsteps = ") + substeps + "\n"),
+        HasSubstr("s.toml:9:12: simulation.substeps: found"));
+  }
+}
+
+TEST_F(ScenarioTest, PointsAtWhatIsWrongInADisturbanceOrNoise) {
+  const std::string head = "[[noise]]\ntarget = \"all\"\nkind = ";
+  EXPECT_THAT(refusal(head + "\"gaussian\"\n"), HasSubstr("s.toml:9:8: "));
+  EXPECT_THAT(refusal(head + "\"uniform\"\nsize = 0\n"), HasSubstr("s.toml:10:8: "));
+  EXPECT_THAT(refusal(head + "\"uniform\"\nsize = -1\n"), HasSubstr("s.toml:10:8: "));
+  EXPECT_THAT(refusal(head + "\"uniform\"\nsize = nan\n"), HasSubstr("s.toml:10:8: "));
+  EXPECT_THAT(refusal(head + "\"uniform\"\nfrequency_Hz = 1\n"),
+              HasSubstr("unknown key \"frequency_Hz\""));
+  EXPECT_THAT(refusal(head + "\"sinusoid\"\n"), HasSubstr("frequency_Hz: found nothing"));
+  EXPECT_THAT(refusal(head + "\"sinusoid\"\nfrequency_Hz = 0\n"), HasSubstr("s.toml:10:16: "));
+  EXPECT_THAT(refusal(head + "\"constant\"\nat_s = -1\n"), HasSubstr("s.toml:10:8: "));
+  EXPECT_THAT(
+      refusal(head + "\"constant\"\nat_s = 2\nuntil_s = 2\n"),
+      HasSubstr("s.toml:11:11: noise, entry 1.until_s: found 2, expected more than at_s = 2"));
+  EXPECT_THAT(refusal("[[disturbance]]\nkind = \"uniform\"\n"), HasSubstr("target: found nothing"));
+  EXPECT_THAT(refusal("[[fault]]\ntarget = \"u1\"\nkind = \"sinusoid\"\nvalue = 1\nat_s = 1\n"),
+              HasSubstr("fault, entry 1.frequency_Hz: found nothing"));
+  EXPECT_THAT(refusal("[[fault]]\ntarget = \"u1\"\nkind = \"bias\"\nvalue = 1\nat_s = 1\n"
+                      "phase_rad = 1\n"),
+              HasSubstr("unknown key \"phase_rad\""));
+}
+
 TEST_F(ScenarioTest, PointsAtWhatIsWrong) {
   EXPECT_THAT(refusal("durations = 3\n"), HasSubstr("s.toml:7:"));
   EXPECT_THAT(refusal("[controller]\nkind = \"mpc\"\n"), HasSubstr("s.toml:8:"));

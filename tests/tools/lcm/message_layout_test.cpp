@@ -76,6 +76,7 @@ TEST(MessageLayout, IsThatOfEveryMessageOfALog) {
     residual_t residual{};
     residual.row_count = 3;
     residual.residual = {1.0, 2.0, 3.0};
+    residual.row_threshold = {1.0, 2.0, -1.0};
     residual.filter_count = 1;
     residual.evaluation = {1.0};
     residual.threshold = {1.0};

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include <faultline/residual_t.hpp>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -113,6 +114,60 @@ TEST_F(LogReplay, FindsOneBitThatDiffersInOneResidual) {
   EXPECT_EQ(run.verification->difference[0], "FAULTLINE_RESIDUAL, cycle 412");
   EXPECT_THAT(run.verification->difference[1],
               AllOf(HasSubstr("residual r13: recorded "), HasSubstr(", replayed ")));
+}
+
+/// A run of the example with filters that have a course, a Lipschitz term and a persistence.
+std::filesystem::path observer_run(const std::filesystem::path& log) {
+  BenchInputs inputs = load_bench_inputs(kExample / "demo.toml");
+  ResidualFilter& filter = inputs.bank.filters[1];
+  const Eigen::VectorXd norm = Eigen::Vector3d(1.0, 0.5, filter.threshold);
+  filter.course = ThresholdCourse{Eigen::MatrixXd::Ones(1, 1), norm, norm};
+  filter.transient_samples = 30;
+  FilterNonlinearity term;
+  term.W = Eigen::VectorXd::Constant(filter.F.rows(), 1e-4);
+  term.a_v = Eigen::VectorXd::Ones(filter.F.rows());
+  term.a_y = Eigen::VectorXd::Ones(filter.H.cols());
+  term.a_u = Eigen::VectorXd::Ones(filter.K.cols());
+  filter.nonlinearities = {term};
+  for (RunPart& part : inputs.parts) {
+    if (part.part == "bank") part.text = bank_text(inputs.bank);
+  }
+  BenchOptions options;
+  options.bus = "loop";
+  options.log = log;
+  static_cast<void>(run_bench(inputs, options));
+  return log;
+}
+
+TEST_F(LogReplay, ReproducesARunWithObserversToTheBit) {
+  const std::filesystem::path log = observer_run(file("observers.lcm"));
+  const auto residuals = logged_messages<residual_t>(log, kResidualChannel);
+  ASSERT_EQ(residuals.size(), 1001U);
+  EXPECT_EQ(residuals[0].row_threshold.at(1), 1.0);
+  EXPECT_EQ(residuals[1].threshold.at(1), 0.5);
+  EXPECT_LT(residuals[2].row_threshold.at(0), 0.0) << "a linear filter has none";
+  const RunReplay run = replay_one(log);
+  ASSERT_TRUE(run.verification);
+  EXPECT_TRUE(run.verification->is_verified());
+  EXPECT_EQ(run.verification->comparison.counts(kResidual).identical, 1001U);
+}
+
+TEST_F(LogReplay, FindsOneBitThatDiffersInOneRowThreshold) {
+  const std::filesystem::path log = observer_run(file("observers.lcm"));
+  const std::filesystem::path edited = file("edited.lcm");
+  edit_log(log, edited, [](EditedEvent& event) {
+    // fingerprint, utime, sequence, cycle, row_count, six residuals, then their thresholds
+    constexpr std::size_t kSecondThreshold = 4 * 8 + 4 + 6 * 8 + 8;
+    if (event.channel == kResidualChannel && event.index == 412) {
+      event.data[kSecondThreshold + 7] ^= 1;
+    }
+    return true;
+  });
+  const RunReplay run = replay_one(edited);
+  ASSERT_TRUE(run.verification);
+  EXPECT_EQ(run.verification->comparison.total().different, 1U);
+  ASSERT_THAT(run.verification->difference, SizeIs(2));
+  EXPECT_THAT(run.verification->difference[1], HasSubstr("row threshold r13: recorded "));
 }
 
 TEST_F(LogReplay, FindsADiagnosisThatTheFramesDoNotGive) {
