@@ -20,11 +20,11 @@ constexpr int kMostTerms = 200'000;
 std::optional<VectorXd> component_threshold(const ObserverModel& model,
                                             const DecouplingMatrices& decoupling,
                                             const ObserverOutput& output, const MatrixXd& gain,
-                                            Index carried, bool is_bounded_drift) {
+                                            Index carried) {
   const ErrorDynamics error = error_dynamics(model, decoupling, gain);
   if (!(spectral_radius(error.N) < 1.0)) return std::nullopt;
   VectorXd bound = model.w_bound;
-  if (!is_bounded_drift) bound.tail(carried).setZero();
+  bound.tail(carried).setZero();
   const Index rows = output.R.rows();
   const Index terms = model.E_i.rows();
   MatrixXd R(rows + terms, model.n());

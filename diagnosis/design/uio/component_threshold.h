@@ -16,11 +16,11 @@ namespace faultline {
 ///   b = Σ_j |h_j| w̄,   g = Σ_j |R' N^(j-1) S E_o| diag(λ)
 ///   q = (I - g_q)⁻¹ b_q,   r̄ = b_r + g_r q      (rows of R: r, of E_i: q)
 ///
-/// exact for λ = 0. `is_bounded_drift`: false takes the last entries of w, the drifts of carried
-/// faults, as zero: without a fault there is none.
+/// exact for λ = 0. The last `carried` entries of w, the drifts of carried faults, count as zero:
+/// without a fault there is none.
 /// @return nothing if ρ(g_q) >= 1 (the small gain theorem does not hold) or N is not stable.
 [[nodiscard]] std::optional<Eigen::VectorXd> component_threshold(
     const ObserverModel& model, const DecouplingMatrices& decoupling, const ObserverOutput& output,
-    const Eigen::MatrixXd& gain, Eigen::Index carried, bool is_bounded_drift = false);
+    const Eigen::MatrixXd& gain, Eigen::Index carried);
 
 }  // namespace faultline

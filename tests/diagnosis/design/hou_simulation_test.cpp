@@ -164,7 +164,7 @@ TEST(HouSimulation, LeavesThreeFaultsUnexplained) {
 }
 
 TEST(HouSimulation, LeavesAPartialSignatureUnexplained) {
-  // geometric.md 1.3: with one raw threshold of 0.05 a fault F1 = 1 fires r23 alone.
+  // With one raw threshold of 0.05 a fault F1 = 1 fires r23 alone.
   const Outcome found = run(hou_bank(false), steps_at_50_s({{0, 1.0}}));
   EXPECT_EQ(found.final_decision.verdict, Verdict::kUnexplained);
 }

@@ -90,7 +90,7 @@ TEST(DecisionTable, AllowsTwoMembersToCancel) {
 }
 
 TEST(DecisionTable, IsAmbiguousWhenSeveralSmallestSetsExplain) {
-  // (F1, F2) = (4, 2) and (F3, F4) = (2, 2): geometric.md 1.3.
+  // (F1, F2) = (4, 2) and (F3, F4) = (2, 2).
   const Answer found = answer(hou_structure(), "011110");
   EXPECT_EQ(found.decision.verdict, Verdict::kAmbiguous);
   EXPECT_EQ(found.decision.set_count, 2u);
