@@ -109,6 +109,21 @@ TEST(UioDesign, EstimatesWithAFilterForEachFault) {
   }
 }
 
+TEST(UioDesign, TellsFaultsApartByTheOneThatFades) {
+  const std::string estimate =
+      "[uio.estimate]\nfaults = [\"y1\"]\ndrift_per_s = 0.5\nalpha = [0.95]\n";
+  const DesignResult carried = design_bank(
+      flexible_joint_euler(), joint_request("carry = [\"y1\"]\ndrift_per_s = 0.1\nalpha = [0.9]\n" +
+                                            kMultiplier + estimate));
+  EXPECT_TRUE(carried.are_signatures_distinct);
+  // Without it both residuals see both faults for ever.
+  const DesignResult plain = design_bank(flexible_joint_euler(),
+                                         joint_request("alpha = [0.9]\n" + kMultiplier + estimate));
+  EXPECT_FALSE(plain.are_signatures_distinct);
+  ASSERT_EQ(plain.indistinguishable.size(), 1u);
+  EXPECT_THAT(plain.indistinguishable[0], ElementsAre(FaultSet{0}, FaultSet{1}));
+}
+
 TEST(UioDesign, RefusesWhatThePlantHasNot) {
   const PlantModel plant = flexible_joint_euler();
   EXPECT_THAT(refusal(plant, joint_request("detect = [\"u2\"]")),
