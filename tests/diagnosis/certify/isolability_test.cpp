@@ -173,5 +173,16 @@ TEST(Signatures, AreDistinctUntilTwoSetsFireTheSameResiduals) {
   EXPECT_FALSE(are_signatures_distinct(bank));  // u1 and u2: nothing fires
 }
 
+TEST(Signatures, AreThoseInWhichWhatFadesHasFaded) {
+  Bank bank;
+  bank.fault_names = {"u", "y"};
+  bank.filters.resize(2);
+  bank.filters[0].sees = {Sensitivity::kSteady, Sensitivity::kTransient};
+  bank.filters[1].sees = {Sensitivity::kSteady, Sensitivity::kSteady};
+  EXPECT_FALSE(are_signatures_distinct(bank));
+  bank.filters[0].transient_samples = 5;
+  EXPECT_TRUE(are_signatures_distinct(bank));
+}
+
 }  // namespace
 }  // namespace faultline
