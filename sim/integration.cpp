@@ -16,6 +16,8 @@ std::string_view integration_method_name(IntegrationMethod method) noexcept {
       return "euler";
     case IntegrationMethod::kRk4:
       return "rk4";
+    case IntegrationMethod::kDormandPrince:
+      return "dormand_prince";
   }
   return "";
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,9 +11,12 @@ namespace faultline {
 
 /// How a disturbance or a noise source moves.
 enum class PerturbationKind {
-  kUniform,   ///< size·ξ_k, ξ_k drawn from [-1, 1) anew each sample
-  kConstant,  ///< size
-  kSinusoid,  ///< size·sin(2π f (t - at_s) + phase)
+  kUniform,      ///< size·ξ_k, ξ_k drawn from [-1, 1) anew each sample
+  kConstant,     ///< size
+  kSinusoid,     ///< size·sin(2π f (t - at_s) + phase)
+  kGaussian,     ///< normal, standard deviation sigma
+  kBandLimited,  ///< white Gaussian noise filtered to [from_Hz, to_Hz], standard deviation sigma
+  kRecorded,     ///< size times a column of a CSV file, by its time
 };
 
 [[nodiscard]] std::string_view perturbation_kind_name(PerturbationKind kind) noexcept;
@@ -22,9 +26,13 @@ enum class PerturbationKind {
 struct Perturbation {
   std::string target;  ///< a name in the plant file, or "all"
   PerturbationKind kind = PerturbationKind::kUniform;
-  std::optional<double> size;  ///< absent: the bound that the plant file gives
-  double frequency_Hz = 0.0;   ///< kSinusoid: > 0
-  double phase_rad = 0.0;      ///< kSinusoid
+  std::optional<double> size;         ///< absent: the bound that the plant file gives
+  double frequency_Hz = 0.0;          ///< kSinusoid: > 0
+  double phase_rad = 0.0;             ///< kSinusoid
+  std::optional<double> sigma;        ///< kGaussian, kBandLimited; absent: the plant file's
+  double from_Hz = 0.0, to_Hz = 0.0;  ///< kBandLimited
+  std::filesystem::path file;         ///< kRecorded
+  std::string column;                 ///< kRecorded; empty: the target's name
   double at_s = 0.0;
   std::optional<double> until_s;
 };

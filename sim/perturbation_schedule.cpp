@@ -63,6 +63,12 @@ std::string_view perturbation_kind_name(PerturbationKind kind) noexcept {
       return "constant";
     case PerturbationKind::kSinusoid:
       return "sinusoid";
+    case PerturbationKind::kGaussian:
+      return "gaussian";
+    case PerturbationKind::kBandLimited:
+      return "band_limited";
+    case PerturbationKind::kRecorded:
+      return "recorded";
   }
   return "";
 }

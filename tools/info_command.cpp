@@ -93,12 +93,13 @@ Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
             {"faults", Json::array()},
             {"expectations", scenario.expectations.size()}};
   for (const Injection& injection : scenario.injections) {
-    fmt::print(out, "  fault {:<8} {} {:g} from {:g} s{}\n", injection.target,
-               injection_kind_name(injection.kind), injection.value, injection.at_s,
+    fmt::print(out, "  fault {:<8} {}{} from {:g} s{}\n", injection.target,
+               injection_kind_name(injection.kind),
+               injection.value ? fmt::format(" {:g}", *injection.value) : "", injection.at_s,
                injection.until_s ? fmt::format(" until {:g} s", *injection.until_s) : "");
     json["faults"].push_back({{"target", injection.target},
                               {"kind", injection_kind_name(injection.kind)},
-                              {"value", injection.value},
+                              {"value", injection.value ? Json(*injection.value) : Json(nullptr)},
                               {"at_s", injection.at_s}});
   }
   json["disturbances"] = info_of_perturbations(scenario.disturbances, "disturbance", out);

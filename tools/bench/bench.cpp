@@ -44,12 +44,15 @@ BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
     : inputs(inputs_),
       options(options_),
       buses(open_endpoints(options.bus, inputs.map, options.has_probe)),
-      plant(inputs.plant, inputs.map, inputs.schedule, inputs.bank.sample_time_s, inputs.x_initial,
-            inputs.perturbations, inputs.scenario.integration),
-      controller(inputs.map, inputs.control_law),
+      schedule(inputs.schedule),
+      plant(inputs.make_plant(), inputs.map, schedule, inputs.bank.sample_time_s, inputs.x_initial,
+            inputs.perturbations),
+      controller(inputs.map, inputs.make_controller()),
+      plant_faults(inputs.map, schedule, BenchNode::kPlant, inputs.bank.sample_time_s),
+      controller_faults(inputs.map, schedule, BenchNode::kController, inputs.bank.sample_time_s),
       diagnosis(inputs.map, inputs.bank, inputs.is_initial_state_known),
       publisher(make_publisher(inputs, options, diagnosis)),
-      history(inputs.bank, diagnosis.decision_table().sets(), inputs.scenario, inputs.schedule),
+      history(inputs.bank, diagnosis.decision_table().sets(), inputs.scenario, schedule),
       watched_(buses_to_watch(*buses.diagnosis)),
       start_(steady_clock::now()),
       next_flush_(start_ + kFlushPeriod),
@@ -155,7 +158,7 @@ bool BenchRun::attend(double t_s, std::int64_t utime) {
 }
 
 void BenchRun::on_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime) {
-  publisher.publish_truth(truth, inputs.schedule.injections(), x, utime);
+  publisher.publish_truth(truth, schedule, x, utime);
   ++seen_.cycles;
   if (truth.is_late) ++seen_.late_cycles;
   if (is_stats_due(utime)) {

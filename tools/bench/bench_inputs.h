@@ -1,6 +1,8 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -8,13 +10,18 @@
 #include "diagnosis/design/bank_request.h"
 #include "diagnosis/model/plant_model.h"
 #include "drivers/signal/signal_map.h"
-#include "sim/controller_node.h"
+#include "sim/controller.h"
 #include "sim/fault_schedule.h"
 #include "sim/perturbation_schedule.h"
+#include "sim/plant.h"
 #include "tools/bench/diagnosis_inputs.h"
 #include "tools/bench/scenario.h"
 
 namespace faultline {
+
+/// Make what a run begins with, each time anew.
+using PlantMaker = std::function<std::unique_ptr<SimulatedPlant>()>;
+using ControllerMaker = std::function<std::unique_ptr<Controller>()>;
 
 /// Everything a run needs, read, checked and fitted together.
 struct BenchInputs : DiagnosisInputs {
@@ -22,8 +29,9 @@ struct BenchInputs : DiagnosisInputs {
   PlantModel plant;
   FaultSchedule schedule;
   PerturbationSchedule perturbations;  ///< at its start
-  ControlLaw control_law;
-  Eigen::VectorXd x_initial;  ///< absolute
+  PlantMaker make_plant;               ///< none where the simulated plant is not at hand (a replay)
+  ControllerMaker make_controller;     ///< likewise
+  Eigen::VectorXd x_initial;           ///< absolute
 };
 
 /// A bank that was asked for cannot be had: not every residual exists. A valid question with a

@@ -7,6 +7,7 @@
 
 #include "drivers/can/error_frame.h"
 #include "sim/controller_node.h"
+#include "sim/frame_faults.h"
 #include "sim/plant_node.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/bench_inputs.h"
@@ -70,8 +71,10 @@ class BenchRun {
   const BenchOptions& options;
   StopSignal stop_signal;
   Endpoints buses;
+  FaultSchedule schedule;  ///< of this run: faults may be added while it goes on
   PlantNode plant;
   ControllerNode controller;
+  FrameFaults plant_faults, controller_faults;  ///< between these nodes and their buses
   DiagnosisNode diagnosis;
   RunPublisher publisher;
   RunHistory history;

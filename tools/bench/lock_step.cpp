@@ -76,7 +76,10 @@ class LockStep {
       : run_(run),
         sink_(run),
         from_plant_(*run.buses.plant),
-        from_controller_(*run.buses.controller) {}
+        from_controller_(*run.buses.controller) {
+    run.plant_faults.set_output(from_plant_);
+    run.controller_faults.set_output(from_controller_);
+  }
 
   void run() {
     for (std::uint32_t k = 0; k < run_.cycle_count(); ++k) {
@@ -100,12 +103,13 @@ class LockStep {
     losses_ = count_losses();
     from_plant_.begin_cycle();
     from_controller_.begin_cycle();
-    run_.plant.on_cycle(k, from_plant_);
+    run_.plant_faults.begin_cycle(k);
+    run_.controller_faults.begin_cycle(k);
+    run_.plant.on_cycle(k, run_.plant_faults);
     run_.on_truth(run_.plant.truth(), run_.plant.state(), utime);
     if (!run_.plant.is_finite()) {
-      run_.stop({StopReason::Kind::kPlant,
-                 fmt::format("the plant diverged: at t = {:.6g} s its state is not finite",
-                             run_.time_of(k))});
+      run_.stop({StopReason::Kind::kPlant, fmt::format("the plant diverged: at t = {:.6g} s {}",
+                                                       run_.time_of(k), run_.plant.failure())});
       return false;
     }
     if (!await_command(k)) return false;
@@ -118,7 +122,7 @@ class LockStep {
   bool serve_nodes(std::chrono::nanoseconds wait) {
     const ReceiveResult measured = run_.buses.controller->receive(batch_, wait);
     for (std::size_t i = 0; i < measured.count; ++i) {
-      run_.controller.on_frame(batch_[i], from_controller_);
+      run_.controller.on_frame(batch_[i], run_.controller_faults);
     }
     const ReceiveResult commanded = run_.buses.plant->receive(batch_, std::chrono::nanoseconds(0));
     for (std::size_t i = 0; i < commanded.count; ++i) run_.plant.on_frame(batch_[i]);

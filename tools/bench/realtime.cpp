@@ -92,7 +92,10 @@ class Realtime {
         latencies_(period_, cycles_per_value_, run.buses.probe != nullptr),
         silence_(period_),
         closing_id_(closing_id(run.inputs.map)),
-        threads_ready_(run.buses.probe ? 4 : 3) {}
+        threads_ready_(run.buses.probe ? 4 : 3) {
+    run.plant_faults.set_output(cycle_frames_);
+    run.controller_faults.set_output(*run.buses.controller);
+  }
 
   void run() {
     std::optional<RealtimeProcess> process;
@@ -163,7 +166,8 @@ class Realtime {
                           k, in_ms(late), in_ms(period_))});
         break;
       }
-      run_.plant.on_cycle(k, cycle_frames_);
+      run_.plant_faults.begin_cycle(k);
+      run_.plant.on_cycle(k, run_.plant_faults);
       truth.is_sent = !is_overrun || run_.options.overrun != OverrunPolicy::kSkip;
       if (truth.is_sent) {
         run_.buses.plant->send_batch(cycle_frames_.frames());
@@ -176,9 +180,8 @@ class Realtime {
       truth.x = run_.plant.state();
       truths_.push(truth);
       if (!run_.plant.is_finite()) {
-        fail({StopReason::Kind::kPlant,
-              fmt::format("the plant diverged: at t = {:.6g} s its state is not finite",
-                          run_.time_of(k))});
+        fail({StopReason::Kind::kPlant, fmt::format("the plant diverged: at t = {:.6g} s {}",
+                                                    run_.time_of(k), run_.plant.failure())});
       }
     }
     take_commands_until(steady_clock::now() + kGrace);
@@ -202,7 +205,7 @@ class Realtime {
     while (!is_over_ && !must_stop_) {
       const ReceiveResult received = run_.buses.controller->receive(controller_batch_, kIdleWait);
       for (std::size_t i = 0; i < received.count; ++i) {
-        run_.controller.on_frame(controller_batch_[i], *run_.buses.controller);
+        run_.controller.on_frame(controller_batch_[i], run_.controller_faults);
       }
       watch(received, *run_.buses.controller);
     }

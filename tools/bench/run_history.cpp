@@ -67,16 +67,8 @@ RunHistory::RunHistory(const Bank& bank, const std::vector<std::vector<std::size
       fault_sets_(&fault_sets),
       schedule_(&schedule),
       first_fired_s_(bank.filters.size()) {
-  active_.resize(schedule.injections().size());
   for (std::size_t fault = 0; fault < bank.fault_names.size(); ++fault) {
     smallest_isolated_.push_back(smallest_isolated(bank, fault));
-    std::vector<std::size_t>& biases = bias_injections_.emplace_back();
-    for (std::size_t i = 0; i < schedule.injections().size(); ++i) {
-      const Injection& injection = schedule.injections()[i];
-      if (injection.target == bank.fault_names[fault] && injection.kind == InjectionKind::kBias) {
-        biases.push_back(i);
-      }
-    }
   }
   for (const Expectation& expectation : scenario.expectations) {
     expectations_.push_back({.expectation = expectation});
@@ -172,8 +164,9 @@ void RunHistory::on_estimate(const FaultEstimate& estimate) {
 }
 
 void RunHistory::follow_injections(bool is_change) {
+  active_.resize(schedule_->size());
   for (std::size_t i = 0; i < active_.size(); ++i) {
-    active_[i] = activity(schedule_->injections()[i], now_.t_s) > 0.0 ? 1 : 0;
+    active_[i] = schedule_->activity(i, now_.t_s) > 0.0 ? 1 : 0;
   }
   if (injections_.empty() || active_ != active_before_) {
     active_before_ = active_;
@@ -200,11 +193,12 @@ void RunHistory::follow_injections(bool is_change) {
 // Of the biases acting now; a gain fault has no size of its own.
 void RunHistory::find_small_faults(InjectionOutcome& outcome) const {
   outcome.small_faults.clear();
-  for (std::size_t fault = 0; fault < bias_injections_.size(); ++fault) {
+  for (std::size_t fault = 0; fault < smallest_isolated_.size(); ++fault) {
     double value = 0.0;
-    for (const std::size_t i : bias_injections_[fault]) {
-      const Injection& injection = schedule_->injections()[i];
-      value += activity(injection, now_.t_s) * injection.value;
+    for (std::size_t i = 0; i < active_.size(); ++i) {
+      const Injection& injection = schedule_->injection(i);
+      if (active_[i] == 0 || injection.kind != InjectionKind::kBias) continue;
+      if (injection.target == bank_->fault_names[fault]) value += schedule_->value(i, now_.t_s);
     }
     if (value != 0.0 && std::abs(value) < smallest_isolated_[fault]) {
       outcome.small_faults.push_back({bank_->fault_names[fault], value, smallest_isolated_[fault]});

@@ -102,8 +102,7 @@ class RunHistory {
   const FaultSchedule* schedule_;
   std::vector<VerdictEntry> verdicts_;
   std::vector<std::optional<double>> first_fired_s_;
-  std::vector<double> smallest_isolated_;                  ///< per fault; 0: not known
-  std::vector<std::vector<std::size_t>> bias_injections_;  ///< per fault: which of the schedule
+  std::vector<double> smallest_isolated_;  ///< per fault; 0: not known
   std::vector<InjectionOutcome> injections_;
   std::vector<ExpectationOutcome> expectations_;
   std::optional<Decision> last_decision_;

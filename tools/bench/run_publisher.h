@@ -69,7 +69,7 @@ class RunPublisher {
   /// @return the ESTIMATE if one was sent, valid until the next call; else null.
   const FaultEstimate* publish_record(const DiagnosisRecord& record, std::int64_t utime);
   /// TRUTH, when due. `x` is the absolute state.
-  void publish_truth(const PlantTruth& truth, const std::vector<Injection>& injections,
+  void publish_truth(const PlantTruth& truth, const FaultSchedule& schedule,
                      const Eigen::VectorXd& x, std::int64_t utime);
   void publish_event(std::int64_t cycle, const std::string& severity, const std::string& source,
                      const std::string& text, std::int64_t utime);

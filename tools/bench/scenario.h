@@ -35,6 +35,14 @@ struct ControllerSpec {
   std::optional<Eigen::VectorXd> frequency_Hz;  ///< of these sines, m
 };
 
+/// The plant that is simulated: by default the one of the plant file.
+struct SimulationSpec {
+  Integration integration;
+  std::string model;              ///< a plant in C++ by name; empty: none
+  std::filesystem::path library;  ///< a plant in a shared library; empty: none
+  std::map<std::string, double, std::less<>> parameters;  ///< of a plant in C++: other values
+};
+
 /// What the diagnosis must answer at every sample from from_s to until_s, both included.
 struct Expectation {
   double from_s = 0.0;
@@ -52,7 +60,7 @@ struct Scenario {
   std::int64_t seed = 1;
   std::optional<Eigen::VectorXd> initial_state;  ///< absolute; the operating point if absent
   bool is_initial_state_known = false;           ///< the bank need not forget its start
-  Integration integration;
+  SimulationSpec simulation;
   ControllerSpec controller;
   std::vector<Injection> injections;
   std::vector<Perturbation> disturbances, noises;
@@ -75,5 +83,10 @@ struct Scenario {
 [[nodiscard]] SourcePosition position_in(const Scenario& scenario, std::string_view table,
                                          std::string_view key,
                                          std::optional<std::size_t> entry = std::nullopt);
+
+/// What is wrong with `key` of a table of the scenario, at its place: see position_in.
+[[nodiscard]] InputError scenario_error(const Scenario& scenario, std::string_view table,
+                                        std::string_view key, const std::string& text,
+                                        std::optional<std::size_t> entry = std::nullopt);
 
 }  // namespace faultline

@@ -112,8 +112,8 @@ size = 0.5
 frequency_Hz = 50
 phase_rad = 1
 )");
-  EXPECT_EQ(scenario.integration.method, IntegrationMethod::kRk4);
-  EXPECT_EQ(scenario.integration.substeps, 25);
+  EXPECT_EQ(scenario.simulation.integration.method, IntegrationMethod::kRk4);
+  EXPECT_EQ(scenario.simulation.integration.substeps, 25);
   ASSERT_EQ(scenario.injections.size(), 1U);
   EXPECT_EQ(scenario.injections[0].kind, InjectionKind::kSinusoid);
   EXPECT_EQ(scenario.injections[0].frequency_Hz, 5.0);
@@ -133,8 +133,8 @@ phase_rad = 1
 }
 
 TEST_F(ScenarioTest, LeavesTheMethodToThePlantUnlessItIsTold) {
-  EXPECT_FALSE(read("").integration.method);
-  EXPECT_EQ(read("[simulation]\nmethod = \"euler\"\n").integration.method,
+  EXPECT_FALSE(read("").simulation.integration.method);
+  EXPECT_EQ(read("[simulation]\nmethod = \"euler\"\n").simulation.integration.method,
             IntegrationMethod::kEuler);
 }
 

@@ -1,5 +1,6 @@
-#include "sim/plant.h"
+#include "sim/model_plant.h"
 
+#include <cmath>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -21,10 +22,11 @@ void check_sample_time(const PlantModel& model, double sample_time_s) {
 
 }  // namespace
 
-SimulatedPlant::SimulatedPlant(const PlantModel& model, double sample_time_s,
-                               const Integration& integration)
+ModelPlant::ModelPlant(const PlantModel& model, double sample_time_s,
+                       const Integration& integration)
     : dynamics_(own_dynamics(model)),
       outputs_(own_outputs(model)),
+      state_names_(model.state_names),
       x_operating_(model.x_operating),
       u_operating_(model.u_operating),
       y_operating_(model.y_operating),
@@ -35,6 +37,9 @@ SimulatedPlant::SimulatedPlant(const PlantModel& model, double sample_time_s,
       phi_(std::ssize(model.nonlinearities)),
       x_absolute_(model.x_operating) {
   check_sample_time(model, sample_time_s);
+  for (const Fault& fault : model.faults) {
+    if (fault.kind == FaultKind::kComponent) components_.push_back({fault.name, 0.0});
+  }
   const IntegrationMethod method = method_for(model, integration);
   if (method == IntegrationMethod::kRk4) {
     rk4_.emplace(dynamics_, sample_time_s, integration.substeps);
@@ -43,44 +48,41 @@ SimulatedPlant::SimulatedPlant(const PlantModel& model, double sample_time_s,
   }
 }
 
-void SimulatedPlant::reset(const Eigen::VectorXd& x) noexcept {
+void ModelPlant::reset(const Eigen::VectorXd& x) noexcept {
   dx_ = x - x_operating_;
   x_absolute_ = x;
 }
 
-void SimulatedPlant::actuate(std::span<const double> u, const ActiveFaults& faults) noexcept {
-  for (Eigen::Index j = 0; j < du_.size(); ++j) {
-    du_[j] = faults.input_gain[j] * u[static_cast<std::size_t>(j)] + faults.input_bias[j] -
-             u_operating_[j];
-  }
+void ModelPlant::take(std::span<const double> u) noexcept {
+  du_ = Eigen::Map<const Eigen::VectorXd>(u.data(), du_.size()) - u_operating_;
 }
 
-void SimulatedPlant::measure(std::span<const double> u, const ActiveFaults& faults,
-                             const ActivePerturbations& perturbations,
-                             std::span<double> y) noexcept {
-  actuate(u, faults);
+void ModelPlant::measure(const PlantDrive& drive, std::span<double> y) noexcept {
+  const auto& [u, component, perturbations] = drive;
+  take(u);
   dy_.noalias() = outputs_.C * dx_;
   dy_.noalias() += outputs_.D * du_;
-  dy_.noalias() += outputs_.D_m * faults.component;
+  dy_.noalias() +=
+      outputs_.D_m * Eigen::Map<const Eigen::VectorXd>(component.data(), outputs_.D_m.cols());
   if (perturbations.disturbance.size() > 0)
     dy_.noalias() += outputs_.D_f * perturbations.disturbance;
   if (perturbations.noise.size() > 0) dy_.noalias() += outputs_.F * perturbations.noise;
   for (Eigen::Index i = 0; i < dy_.size(); ++i) {
-    y[static_cast<std::size_t>(i)] =
-        faults.output_gain[i] * (dy_[i] + y_operating_[i]) + faults.output_bias[i];
+    y[static_cast<std::size_t>(i)] = dy_[i] + y_operating_[i];
   }
 }
 
-void SimulatedPlant::step(std::span<const double> u, const ActiveFaults& faults,
-                          const ActivePerturbations& perturbations) noexcept {
-  actuate(u, faults);
+void ModelPlant::step(const PlantDrive& drive) noexcept {
+  const auto& [u, component, perturbations] = drive;
+  take(u);
   if (rk4_) {
     dx_next_.setZero();
   } else {
     dx_next_.noalias() = dynamics_.A * dx_;
   }
   dx_next_.noalias() += dynamics_.B * du_;
-  dx_next_.noalias() += dynamics_.L * faults.component;
+  dx_next_.noalias() +=
+      dynamics_.L * Eigen::Map<const Eigen::VectorXd>(component.data(), dynamics_.L.cols());
   if (perturbations.disturbance.size() > 0) {
     dx_next_.noalias() += dynamics_.E * perturbations.disturbance;
   }
@@ -94,6 +96,15 @@ void SimulatedPlant::step(std::span<const double> u, const ActiveFaults& faults,
     dx_.swap(dx_next_);
   }
   x_absolute_ = dx_ + x_operating_;
+}
+
+std::string ModelPlant::failure() const {
+  for (Eigen::Index i = 0; i < dx_.size(); ++i) {
+    if (!std::isfinite(dx_[i])) {
+      return fmt::format("{} is not finite", state_names_[static_cast<std::size_t>(i)]);
+    }
+  }
+  return {};
 }
 
 }  // namespace faultline

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "tools/bench/bench_inputs.h"
+
+namespace faultline {
+
+// What load_bench_inputs makes of a scenario, part by part. All throw InputError with the place in
+// the scenario (or in the file it names).
+
+/// A text and the name that messages give it.
+struct NamedText {
+  std::string text, source;
+};
+
+/// The plant that is simulated, at its operating point each time it is made.
+[[nodiscard]] PlantMaker plant_maker(const Scenario& scenario, const PlantModel& plant,
+                                     const NamedText& plant_file, double sample_time_s);
+/// Absolute; of the simulated plant.
+[[nodiscard]] Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant);
+
+/// All that happens to the plant besides its commands: `schedule` and `perturbations` of `inputs`,
+/// whose plant, map and make_plant are there.
+void make_schedules(BenchInputs& inputs, const Scenario& scenario);
+
+/// The scenario's controller, at its start each time it is made.
+[[nodiscard]] ControllerMaker controller_maker(const Scenario& scenario, const PlantModel& plant,
+                                               double sample_time_s);
+
+}  // namespace faultline

@@ -1,0 +1,48 @@
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "diagnosis/model/toml_reader.h"
+#include "sim/model_plant.h"
+#include "tools/bench/bench_parts.h"
+
+namespace faultline {
+namespace {
+
+void check_plant_can_run(const Scenario& scenario, const PlantModel& plant,
+                         const NamedText& plant_file, double sample_time_s) {
+  try {
+    static_cast<void>(method_for(plant, scenario.simulation.integration));
+  } catch (const std::invalid_argument& error) {
+    throw scenario_error(scenario, "simulation", "method",
+                         fmt::format("simulation.{}", error.what()));
+  }
+  try {
+    const ModelPlant stepped(plant, sample_time_s, scenario.simulation.integration);
+  } catch (const std::invalid_argument& error) {
+    throw TomlTable::parse(plant_file.text, plant_file.source).error("sample_time_s", error.what());
+  }
+}
+
+}  // namespace
+
+PlantMaker plant_maker(const Scenario& scenario, const PlantModel& plant,
+                       const NamedText& plant_file, double sample_time_s) {
+  check_plant_can_run(scenario, plant, plant_file, sample_time_s);
+  const Integration integration = scenario.simulation.integration;
+  return [plant, sample_time_s, integration] {
+    return std::make_unique<ModelPlant>(plant, sample_time_s, integration);
+  };
+}
+
+Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant) {
+  if (!scenario.initial_state) return plant.x_operating;
+  if (scenario.initial_state->size() != plant.n()) {
+    throw scenario_error(scenario, "", "initial_state",
+                         fmt::format("initial_state: found {} numbers, expected {}, one per state",
+                                     scenario.initial_state->size(), plant.n()));
+  }
+  return *scenario.initial_state;
+}
+
+}  // namespace faultline

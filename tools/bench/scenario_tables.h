@@ -1,0 +1,24 @@
+#pragma once
+
+#include <filesystem>
+
+#include "diagnosis/model/toml_reader.h"
+#include "tools/bench/scenario.h"
+
+namespace faultline {
+
+// The tables of a scenario file, one function each; `folder` is what paths in them are relative to.
+// @throws InputError what is wrong in the table.
+
+[[nodiscard]] SimulationSpec read_simulation(TomlTable table, const std::filesystem::path& folder);
+[[nodiscard]] ControllerSpec read_controller(TomlTable table);
+[[nodiscard]] Injection read_injection(TomlTable table);
+[[nodiscard]] Perturbation read_perturbation(TomlTable table, const std::filesystem::path& folder);
+[[nodiscard]] Expectation read_expectation(TomlTable table, double duration_s);
+
+/// A number that must be positive.
+[[nodiscard]] double read_positive(TomlTable& table, std::string_view key);
+/// `value`, which `key` has, if it is a time.
+double require_time(const TomlTable& table, std::string_view key, double value);
+
+}  // namespace faultline
