@@ -16,6 +16,9 @@ namespace faultline {
 [[nodiscard]] Perturbation read_perturbation(TomlTable table, const std::filesystem::path& folder);
 [[nodiscard]] Expectation read_expectation(TomlTable table, double duration_s);
 
+/// Whether no verdict can meet both: they overlap in time, and what one allows the other forbids.
+[[nodiscard]] bool contradict(const Expectation& a, const Expectation& b);
+
 /// A number that must be positive.
 [[nodiscard]] double read_positive(TomlTable& table, std::string_view key);
 /// `value`, which `key` has, if it is a time.

@@ -66,11 +66,11 @@ TEST_F(RunHistoryTest, MeetsAnExpectationOnlyIfEverySampleAgrees) {
   const FaultSchedule schedule(plant_, {});
   Scenario scenario;
   scenario.expectations = {
-      {.from_s = 0.0, .until_s = 0.5, .verdict = Verdict::kHealthy},
-      {.from_s = 0.0, .until_s = 0.6, .verdict = Verdict::kHealthy},
-      {.from_s = 0.6, .until_s = 0.6, .verdict = Verdict::kIsolated, .faults = {"a"}},
-      {.from_s = 0.6, .until_s = 0.6, .verdict = Verdict::kIsolated, .faults = {"b"}},
-      {.from_s = 9.0, .until_s = 9.5, .verdict = Verdict::kHealthy}};
+      {.from_s = 0.0, .until_s = 0.5, .verdicts = {Verdict::kHealthy}},
+      {.from_s = 0.0, .until_s = 0.6, .verdicts = {Verdict::kHealthy}},
+      {.from_s = 0.6, .until_s = 0.6, .verdicts = {Verdict::kIsolated}, .faults = {"a"}},
+      {.from_s = 0.6, .until_s = 0.6, .verdicts = {Verdict::kIsolated}, .faults = {"b"}},
+      {.from_s = 9.0, .until_s = 9.5, .verdicts = {Verdict::kHealthy}}};
   RunHistory history(bank_, sets_, scenario, schedule);
   for (std::uint32_t k = 0; k < 6; ++k) history.on_record(record(k, Verdict::kHealthy));
   history.on_record(record(6, Verdict::kIsolated, 1));
