@@ -12,7 +12,7 @@ namespace faultline {
 
 [[nodiscard]] SimulationSpec read_simulation(TomlTable table, const std::filesystem::path& folder);
 [[nodiscard]] ControllerSpec read_controller(TomlTable table);
-[[nodiscard]] Injection read_injection(TomlTable table);
+[[nodiscard]] Injection read_injection(TomlTable table, double duration_s);
 [[nodiscard]] Perturbation read_perturbation(TomlTable table, const std::filesystem::path& folder);
 [[nodiscard]] Expectation read_expectation(TomlTable table, double duration_s);
 
