@@ -17,6 +17,7 @@
 #include "tools/bench/scenario.h"
 #include "tools/can/dbc_print.h"
 #include "tools/cli.h"
+#include "tools/controller_print.h"
 #include "tools/log/log_command.h"
 
 namespace faultline {
@@ -92,6 +93,7 @@ Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
             {"dbc", scenario.dbc.string()},
             {"faults", Json::array()},
             {"expectations", scenario.expectations.size()}};
+  json["controller"] = print_controller(out, scenario);
   for (const Injection& injection : scenario.injections) {
     fmt::print(out, "  fault {:<8} {}{} from {:g} s{}\n", injection.target,
                injection_kind_name(injection.kind),
