@@ -32,7 +32,11 @@ inline constexpr int kMostSubsteps = 1000;
 
 /// The method by which `plant` is stepped.
 /// @throws std::invalid_argument kExact for a nonlinear plant in continuous time; anything else for
-///   a plant in discrete time; substeps out of range.
+///   a plant in discrete time; substeps out of range; tolerances not positive.
 [[nodiscard]] IntegrationMethod method_for(const PlantModel& plant, const Integration& integration);
+
+/// The method by which a plant in C++ is stepped: kRk4 if absent.
+/// @throws std::invalid_argument neither kRk4 nor kDormandPrince; else as method_for.
+[[nodiscard]] IntegrationMethod method_for_equations(const Integration& integration);
 
 }  // namespace faultline

@@ -41,8 +41,10 @@ ModelPlant::ModelPlant(const PlantModel& model, double sample_time_s,
     if (fault.kind == FaultKind::kComponent) components_.push_back({fault.name, 0.0});
   }
   const IntegrationMethod method = method_for(model, integration);
-  if (method == IntegrationMethod::kRk4) {
-    rk4_.emplace(dynamics_, sample_time_s, integration.substeps);
+  if (method == IntegrationMethod::kRk4 || method == IntegrationMethod::kDormandPrince) {
+    const HeldEquations equations{.state_count = static_cast<std::size_t>(model.n()),
+                                  .derivative = &ModelPlant::derivative};
+    integrator_ = make_integrator(equations, sample_time_s, method, integration);
   } else if (model.time == TimeDomain::kContinuous) {
     dynamics_ = sampled_dynamics(dynamics_, method, sample_time_s);
   }
@@ -51,6 +53,18 @@ ModelPlant::ModelPlant(const PlantModel& model, double sample_time_s,
 void ModelPlant::reset(const Eigen::VectorXd& x) noexcept {
   dx_ = x - x_operating_;
   x_absolute_ = x;
+  result_ = {};
+}
+
+// x' = A x + Φ φ(E_i x) + what is held over the sample, in dx_next_.
+void ModelPlant::derivative(void* self, const double* x, double* dx) {
+  ModelPlant& plant = *static_cast<ModelPlant*>(self);
+  const Eigen::Map<const Eigen::VectorXd> state(x, plant.dx_.size());
+  Eigen::Map<Eigen::VectorXd> slope(dx, plant.dx_.size());
+  slope = plant.dx_next_;
+  slope.noalias() += plant.dynamics_.A * state;
+  plant.dynamics_.evaluate_nonlinearities(state, plant.phi_);
+  slope.noalias() += plant.dynamics_.Phi * plant.phi_;
 }
 
 void ModelPlant::take(std::span<const double> u) noexcept {
@@ -75,7 +89,7 @@ void ModelPlant::measure(const PlantDrive& drive, std::span<double> y) noexcept 
 void ModelPlant::step(const PlantDrive& drive) noexcept {
   const auto& [u, component, perturbations] = drive;
   take(u);
-  if (rk4_) {
+  if (integrator_) {
     dx_next_.setZero();
   } else {
     dx_next_.noalias() = dynamics_.A * dx_;
@@ -86,8 +100,8 @@ void ModelPlant::step(const PlantDrive& drive) noexcept {
   if (perturbations.disturbance.size() > 0) {
     dx_next_.noalias() += dynamics_.E * perturbations.disturbance;
   }
-  if (rk4_) {
-    rk4_->step(dx_next_, dx_);
+  if (integrator_) {
+    result_ = integrator_->advance(this, dx_.data());
   } else {
     if (phi_.size() > 0) {
       dynamics_.evaluate_nonlinearities(dx_, phi_);
@@ -104,7 +118,7 @@ std::string ModelPlant::failure() const {
       return fmt::format("{} is not finite", state_names_[static_cast<std::size_t>(i)]);
     }
   }
-  return {};
+  return trouble_text(result_, state_names_);
 }
 
 }  // namespace faultline

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <optional>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -9,9 +9,9 @@
 
 #include "diagnosis/model/plant_model.h"
 #include "sim/integration.h"
+#include "sim/integrator.h"
 #include "sim/plant.h"
 #include "sim/plant_dynamics.h"
-#include "sim/rk4_stepper.h"
 
 namespace faultline {
 
@@ -36,14 +36,18 @@ class ModelPlant final : public SimulatedPlant {
   [[nodiscard]] const std::vector<PlantComponent>& components() const noexcept override {
     return components_;
   }
-  [[nodiscard]] bool is_finite() const noexcept override { return dx_.allFinite(); }
+  [[nodiscard]] bool is_finite() const noexcept override {
+    return dx_.allFinite() && result_.trouble == IntegrationResult::Trouble::kNone;
+  }
   [[nodiscard]] std::string failure() const override;
 
  private:
   void take(std::span<const double> u) noexcept;
+  static void derivative(void* self, const double* x, double* dx);
 
-  PlantDynamics dynamics_;         // from sample to sample; of x' where rk4_ is
-  std::optional<Rk4Stepper> rk4_;  // else one product per sample
+  PlantDynamics dynamics_;                  // from sample to sample; of x' where integrator_ is
+  std::unique_ptr<Integrator> integrator_;  // else one product per sample
+  IntegrationResult result_;
   PlantOutputs outputs_;
   std::vector<PlantComponent> components_;
   std::vector<std::string> state_names_;
