@@ -39,14 +39,14 @@ struct ThreeTank {
   static constexpr PlantSignal inputs[] = {{"pump1", "ml/s", 35.018, 30},
                                            {"pump2", "ml/s", 31.838, 30}};
   static constexpr PlantSignal outputs[] = {
-      {"level1", "cm", 0, 10}, {"level2", "cm", 0, 10}, {"level3", "cm", 0, 10}};
+      {"level1", "cm", 0, 5}, {"level2", "cm", 0, 5}, {"level3", "cm", 0, 5}};
   static constexpr PlantSignal parameters[] = {{"leak1", "mm2", 0, 1}, {"leak2", "mm2", 0, 1},
                                                {"leak3", "mm2", 0, 1}, {"plug13", "", 0, 0.1},
                                                {"plug32", "", 0, 0.1}, {"plug20", "", 0, 0.05}};
   static constexpr PlantSignal disturbances[] = {{"inflow", "ml/s", 0, 0.2},
-                                                 {"noise1", "cm", 0, 0.05},
-                                                 {"noise2", "cm", 0, 0.05},
-                                                 {"noise3", "cm", 0, 0.05}};
+                                                 {"noise1", "cm", 0, 0.02},
+                                                 {"noise2", "cm", 0, 0.02},
+                                                 {"noise3", "cm", 0, 0.02}};
 
   /// sign(Δh)·√(2 g |Δh|); below the laminar head the odd cubic that continues it with its slope.
   [[nodiscard]] static double torricelli(double head_cm) noexcept;
