@@ -46,6 +46,17 @@ enum class InjectionKind {
   kBusOff,         ///< target "plant" or "controller": the node neither sends nor hears
 };
 
+/// What a fault can sit on.
+enum class FaultTargetKind {
+  kInput,
+  kOutput,
+  kComponent,
+  kMessage,
+  kNode,     ///< index 0 the plant's, 1 the controller's
+  kId,       ///< kBabbling: index is the identifier
+  kUnknown,  ///< a component of a simulated plant that is not at hand
+};
+
 /// As in scenarios: "bias", "gain", "sinusoid", "stuck", "drift", "dead_zone", "slow", "hard_over",
 /// "noise", "dropout", "quantisation", "frozen", "offset", "swapped", "dropped", "delayed",
 /// "duplicated", "reordered", "corrupted", "wrong_crc", "frozen_counter", "wrong_dlc", "babbling",

@@ -52,7 +52,8 @@ TEST(FaultSchedule, NamesTheFaultsThatAct) {
 
 TEST(FaultSchedule, RefusesAnUnknownTargetAndSuggestsTheNearest) {
   try {
-    const FaultSchedule schedule(double_integrator(), {{.target = "y2"}, {.target = "forse"}});
+    const FaultSchedule schedule(
+        double_integrator(), {{.target = "y2", .value = 1.0}, {.target = "forse", .value = 1.0}});
     FAIL() << "expected a ScheduleError";
   } catch (const ScheduleError& error) {
     EXPECT_EQ(error.entry(), 1U);
