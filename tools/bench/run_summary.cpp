@@ -176,6 +176,9 @@ void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions
   print_realtime(out, result);
   print_integrity(out, inputs.map, result.messages);
   print_dbc_warnings(out, inputs.dbc_warnings);
+  for (const std::string& warning : inputs.warnings) {
+    fmt::print(out, "  WARNING  {}\n", warning);
+  }
   for (const std::string& warning : inputs.perturbations.warnings()) {
     fmt::print(out, "  WARNING  {}\n", warning);
   }
