@@ -16,6 +16,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "tests/support/random_seed.h"
 #include "tests/tools/bench/log_comparison.h"
@@ -92,7 +93,7 @@ TEST_P(BusFaults, MeetsItsExpectationsAndRepeatsToTheBit) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Examples, BusFaults, testing::ValuesIn(example_names()),
-                         [](const auto& info) { return info.param; });
+                         [](const auto& example) { return example.param; });
 
 TEST(BusFaultExamples, ShowEveryKind) {
   std::vector<InjectionKind> shown;
@@ -198,13 +199,21 @@ TEST(FrameFaultRun, CyclesGoOnInRealTimeWhileANodeIsOffTheBus) {
 /// is certain to find them: up to three bits.
 class RandomTimeline {
  public:
+  /// Delays of one message add up, of up to a second each: in all, no frame is later than this.
+  static constexpr std::size_t kMostDelays = 2;
+
   RandomTimeline(std::uint64_t seed, const FaultTargets& targets)
       : draw_(seed), targets_(&targets) {}
 
   std::vector<Injection> operator()() {
     std::vector<Injection> injections;
     const std::size_t count = 1 + draw_() % 6;
-    while (injections.size() < count) injections.push_back(one());
+    std::size_t delays = 0;
+    while (injections.size() < count) {
+      const Injection drawn = one();
+      delays += drawn.kind == kDelayed ? 1U : 0U;
+      if (drawn.kind != kDelayed || delays <= kMostDelays) injections.push_back(drawn);
+    }
     return injections;
   }
 
@@ -282,10 +291,10 @@ TEST(FrameFaultRun, NoTimelineOfFrameFaultsLooksLikeAFaultOfTheHealthyPlant) {
       EXPECT_TRUE(entry.verdict == Verdict::kHealthy || entry.verdict == Verdict::kInhibited)
           << verdict_text(entry) << " at " << entry.t_s << " s";
     }
-    // The last frame is at most a second late, and what it did is forgotten in 1.3 s.
+    // What the last frame did is forgotten in 1.3 s.
     const VerdictEntry& last = result.history.verdicts().back();
     EXPECT_EQ(verdict_text(last), "healthy");
-    EXPECT_LT(last.t_s, 4.0 + 1.0 + 1.3 + 0.2) << outcome_of(result);
+    EXPECT_LT(last.t_s, 4.0 + 1.0 * RandomTimeline::kMostDelays + 1.3 + 0.2) << outcome_of(result);
     if (HasFailure()) break;
   }
   EXPECT_GT(disturbed, 180U);
