@@ -13,6 +13,7 @@
 
 #include "diagnosis/model/toml_reader.h"
 #include "sim/injection_rule.h"
+#include "sim/random_draw.h"
 
 namespace faultline {
 namespace {
@@ -25,9 +26,6 @@ std::uint64_t mix(std::uint64_t state, std::uint64_t next) noexcept {
   z = (z ^ (z >> 27U)) * 0x94d049bb133111ebU;
   return z ^ (z >> 31U);
 }
-
-/// Uniform in [0, 1).
-double fraction(std::uint64_t draw) noexcept { return static_cast<double>(draw >> 11U) * 0x1p-53; }
 
 /// Which numbers of an entry's stream are spoken for.
 constexpr std::uint64_t kSpreadDraw = 0xffff'0000;
@@ -248,11 +246,15 @@ double FaultSchedule::activity(std::size_t entry, double t_s) const noexcept {
   const double a = faultline::activity(scheduled.injection, t_s - scheduled.shift_s);
   const double probability = scheduled.injection.probability;
   if (a == 0.0 || probability >= 1.0) return a;
-  return fraction(draw(entry, t_s, kProbabilityDraw)) < probability ? a : 0.0;
+  return uniform_of(draw(entry, t_s, kProbabilityDraw)) < probability ? a : 0.0;
 }
 
 double FaultSchedule::value(std::size_t entry, double t_s) const noexcept {
   const Entry& scheduled = entries_[entry];
+  if (scheduled.injection.kind == InjectionKind::kHardOver && !scheduled.injection.value) {
+    const ChannelTarget& input = targets_.inputs[scheduled.target.index];
+    return input.operating + input.range;
+  }
   return injected_value(scheduled.injection, activity(entry, t_s), t_s - scheduled.shift_s);
 }
 
@@ -370,7 +372,7 @@ void FaultSchedule::add(Injection injection) {
     target.with = resolve_other(entry, injection, target);
   check_beside_others(entry, injection, target);
   scheduled.target = target;
-  scheduled.shift_s = injection.spread_s * fraction(mix(mix(seed_, entry), kSpreadDraw));
+  scheduled.shift_s = injection.spread_s * uniform_of(mix(mix(seed_, entry), kSpreadDraw));
   scheduled.injection = std::move(injection);
   size_.store(entry + 1, std::memory_order_release);
 }

@@ -95,7 +95,8 @@ class FaultSchedule {
   [[nodiscard]] const FaultTarget& target(std::size_t entry) const noexcept;
   /// a(t) of an entry, with all that is drawn. Real-time.
   [[nodiscard]] double activity(std::size_t entry, double t_s) const noexcept;
-  /// injected_value of an entry. Real-time.
+  /// injected_value of an entry; a hard-over without a value goes to the upper end of the range.
+  /// Real-time.
   [[nodiscard]] double value(std::size_t entry, double t_s) const noexcept;
   /// When an entry begins: at_s and what of spread_s was drawn.
   [[nodiscard]] double onset_s(std::size_t entry) const noexcept;
