@@ -17,6 +17,7 @@
 #include "tools/bench/scenario.h"
 #include "tools/can/dbc_print.h"
 #include "tools/cli.h"
+#include "tools/controller_print.h"
 #include "tools/log/log_command.h"
 
 namespace faultline {
@@ -92,6 +93,7 @@ Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
             {"dbc", scenario.dbc.string()},
             {"faults", Json::array()},
             {"expectations", scenario.expectations.size()}};
+  json["controller"] = print_controller(out, scenario);
   for (const Injection& injection : scenario.injections) {
     fmt::print(out, "  fault {:<8} {}{} from {:g} s{}\n", injection.target,
                injection_kind_name(injection.kind),
@@ -105,8 +107,7 @@ Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
   json["disturbances"] = info_of_perturbations(scenario.disturbances, "disturbance", out);
   json["noises"] = info_of_perturbations(scenario.noises, "noise", out);
   for (const Expectation& expectation : scenario.expectations) {
-    fmt::print(out, "  expects {} {} from {:g} to {:g} s\n", verdict_name(expectation.verdict),
-               fmt::join(expectation.faults, ", "), expectation.from_s, expectation.until_s);
+    fmt::print(out, "  expects {}\n", expectation_words(expectation));
   }
   return json;
 }

@@ -3,6 +3,7 @@
 #include <array>
 #include <chrono>
 #include <memory>
+#include <stdexcept>
 #include <system_error>
 
 #include <fmt/format.h>
@@ -145,6 +146,12 @@ class ControllerProcess {
 
 ControllerProcessResult run_controller_process(const BenchInputs& inputs,
                                                const ControllerProcessOptions& options) {
+  if (inputs.make_controller() == nullptr) {
+    throw std::invalid_argument(
+        fmt::format("{}: found a controller of kind \"external\", expected one that this program "
+                    "has: the controller is to be another one's",
+                    inputs.scenario.file.string()));
+  }
   return ControllerProcess(inputs, options).run();
 }
 

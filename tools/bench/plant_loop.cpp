@@ -44,6 +44,7 @@ std::optional<StopReason> PlantLoop::run(Time start, std::uint32_t count, PlantL
           fmt::format("cycle {} began {:.3f} ms late, a period is {:.3f} ms (--overrun stop)", k,
                       in_ms(late), in_ms(period_))};
     }
+    host.on_begin(k);
     faults_.begin_cycle(k);
     plant_.on_cycle(k, faults_);
     cycle_.is_sent = !cycle_.is_overrun || overrun_ != OverrunPolicy::kSkip;

@@ -32,6 +32,8 @@ class PlantLoopHost {
   virtual ~PlantLoopHost() = default;
   /// Asked at least every kIdleWait.
   [[nodiscard]] virtual bool must_stop() noexcept = 0;
+  /// Cycle k begins: nothing of it has been sent.
+  virtual void on_begin(std::uint32_t k) noexcept = 0;
   virtual void on_cycle(const PlantCycle& cycle) noexcept = 0;
   /// What came from the bus; with status kError nothing more will.
   virtual void on_received(const ReceiveResult& result, std::span<const CanFrame> frames) = 0;

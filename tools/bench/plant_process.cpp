@@ -43,7 +43,7 @@ class PlantProcess final : private PlantLoopHost {
                inputs.x_initial, inputs.perturbations),
         faults_(inputs.map, schedule_, BenchNode::kPlant, inputs.bank.sample_time_s),
         loop_(plant_, faults_, *bus_, inputs.bank.sample_time_s, options.overrun,
-              inputs.map.sensor_messages.size() + 1),
+              faults_.most_frames()),
         silence_(inputs.map, messages_of_controller(inputs.map),
                  std::chrono::duration_cast<Nanoseconds>(
                      std::chrono::duration<double>(inputs.bank.sample_time_s))),
@@ -85,6 +85,7 @@ class PlantProcess final : private PlantLoopHost {
   // --- plant thread
 
   bool must_stop() noexcept override { return must_stop_; }
+  void on_begin(std::uint32_t /*k*/) noexcept override {}
   void on_cycle(const PlantCycle& cycle) noexcept override { cycles_.push(cycle); }
   void on_received(const ReceiveResult& received, std::span<const CanFrame> frames) override {
     for (const CanFrame& frame : frames) silence_.count(frame);

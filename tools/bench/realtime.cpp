@@ -42,6 +42,9 @@ constexpr Nanoseconds kCompareClocksPeriod = std::chrono::milliseconds(20);
 /// bound.
 constexpr std::uint64_t kWarmUpSamples = 50;
 
+/// No cycle has begun yet: their counter never comes to that (check_duration).
+constexpr std::uint32_t kNoCycle = kNoCommand;
+
 struct ProbeRead {
   Timestamp stamp;
   steady_clock::time_point read;
@@ -66,7 +69,7 @@ class Realtime final : private PlantLoopHost {
         truths_(run.options.record_slots, PlantCycle{.x = run.inputs.x_initial}),
         probe_reads_(run.options.record_slots, ProbeRead{}),
         plant_loop_(run.plant, run.plant_faults, *run.buses.plant, run.inputs.bank.sample_time_s,
-                    run.options.overrun, run.inputs.map.sensor_messages.size() + 1),
+                    run.options.overrun, run.plant_faults.most_frames()),
         latencies_(period_, cycles_per_value_, run.buses.probe != nullptr),
         silence_(period_),
         closing_id_(closing_id(run.inputs.map)),
@@ -137,6 +140,8 @@ class Realtime final : private PlantLoopHost {
 
   bool must_stop() noexcept override { return must_stop_; }
 
+  void on_begin(std::uint32_t k) noexcept override { cycle_.store(k, std::memory_order_release); }
+
   void on_cycle(const PlantCycle& cycle) noexcept override {
     if (cycle.is_overrun) ++overruns_;
     if (!cycle.is_sent) ++skipped_cycles_;
@@ -150,9 +155,15 @@ class Realtime final : private PlantLoopHost {
   // --- controller thread: answers measurements.
   void run_controller() {
     set_up_thread("controller", 2, std::nullopt, controller_problems_);
+    // Its faults follow the cycles even while it hears nothing.
+    const Nanoseconds wait = std::min<Nanoseconds>(period_, kIdleWait);
+    std::uint32_t cycle = kNoCycle;
     while (!is_over_ && !must_stop_) {
-      const ReceiveResult received = run_.buses.controller->receive(controller_batch_, kIdleWait);
-      for (std::size_t i = 0; i < received.count; ++i) {
+      const ReceiveResult received = run_.buses.controller->receive(controller_batch_, wait);
+      const std::uint32_t now = cycle_.load(std::memory_order_acquire);
+      if (now != cycle) run_.controller_faults.begin_cycle(now);
+      cycle = now;
+      for (std::size_t i = 0; i < received.count && run_.controller_faults.hears(); ++i) {
         run_.controller.on_frame(controller_batch_[i], run_.controller_faults);
       }
       watch(received, *run_.buses.controller);
@@ -334,6 +345,7 @@ class Realtime final : private PlantLoopHost {
   // Each written by its thread before threads_ready_.
   Problems diagnosis_problems_, plant_problems_, controller_problems_, probe_problems_;
   std::array<CanFrame, kBatch> controller_batch_{}, diagnosis_batch_{}, probe_batch_{};
+  std::atomic<std::uint32_t> cycle_{kNoCycle};  ///< of the plant
   std::atomic<bool> must_stop_{false}, is_over_{false}, is_diagnosis_over_{false};
   std::atomic<std::uint64_t> overruns_{0}, skipped_cycles_{0};
   std::atomic<std::int64_t> allocations_{-1}, page_faults_{-1};  ///< -1: not counted
