@@ -382,7 +382,7 @@ std::size_t FaultSchedule::clear(std::string_view target, double t_s) noexcept {
   for (std::size_t i = 0; i < size(); ++i) {
     Entry& entry = entries_[i];
     if (!target.empty() && entry.injection.target != target) continue;
-    if (entry.cleared_at_s.load() <= t_s) continue;
+    if (span_of(entry.injection, entry.cleared_at_s.load()).end_s <= t_s) continue;
     entry.cleared_at_s = t_s;
     ++ended;
   }

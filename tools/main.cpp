@@ -22,8 +22,10 @@
 #include "tools/can/can_command.h"
 #include "tools/can/frame_log.h"
 #include "tools/cli.h"
+#include "tools/lcm/lcm_source.h"
 #include "tools/lcm/message_sink.h"
 #include "tools/log/log_command.h"
+#include "tools/node_commands.h"
 #include "tools/version.h"
 
 namespace faultline {
@@ -88,7 +90,10 @@ int run_program(int argc, char** argv) {
   program.footer(kExitCodesHelp);
   int exit_code = kExitYes;
   add_run_command(program, exit_code);
+  add_plant_command(program, exit_code);
+  add_controller_command(program, exit_code);
   add_diagnose_command(program, exit_code);
+  add_inject_command(program, exit_code);
   add_play_command(program, exit_code);
   add_replay_command(program, exit_code);
   add_design_command(program, exit_code);

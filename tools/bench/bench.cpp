@@ -73,6 +73,9 @@ BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
                        std::lround(inputs.scenario.duration_s / inputs.bank.sample_time_s)) +
                    1),
       next_stats_utime_(start_utime_) {
+  if (options.lcm_url && can_listen_to(*options.lcm_url)) {
+    injection_.emplace(*options.lcm_url, schedule, inputs.bank.sample_time_s);
+  }
   publisher.publish_parts(start_utime_);
   publisher.publish_event(-1, "info", "bench",
                           fmt::format("{} on {}, {}", inputs.scenario.name, options.bus,
@@ -168,6 +171,14 @@ bool BenchRun::attend(double t_s, std::int64_t utime) {
     next_progress_ = now + kProgressPeriod;
   }
   return signal_ != 0 || stop_reason_.has_value();
+}
+
+void BenchRun::take_injections(std::uint32_t free_cycle, std::int64_t utime) {
+  if (!injection_) return;
+  injection_->attend(free_cycle, [&](const char* severity, const std::string& text) {
+    publisher.publish_event(free_cycle, severity, "inject", text, utime);
+    publisher.flush();
+  });
 }
 
 void BenchRun::on_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime) {

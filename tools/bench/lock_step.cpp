@@ -102,7 +102,9 @@ class LockStep {
         run_.buses.loop->set_time(Timestamp(std::chrono::microseconds(utime)));
       }
       if (!run_cycle(k, utime)) break;
-      if (k % kCyclesPerAttention == 0 && run_.attend(t_s, utime)) break;
+      if (k % kCyclesPerAttention != 0) continue;
+      if (run_.attend(t_s, utime)) break;
+      run_.take_injections(k + 1, utime);
     }
     drain_diagnosis(std::chrono::milliseconds(0));
     run_.diagnosis.finish(sink_);

@@ -160,6 +160,8 @@ class LcmReplay {
       take_part(event);
     } else if (event.channel == kStatsChannel) {
       take_stats(event);
+    } else if (event.channel == kTruthChannel) {
+      if (decode_message(event.data, layout::kTruth, truth_)) faults_.on_truth(truth_);
     }
   }
 
@@ -247,6 +249,7 @@ class LcmReplay {
     if (!run_) return;
     frames_.give_up();
     result_.runs.push_back(run_->finish(has_ended_));
+    result_.runs.back().faults = std::exchange(faults_, {}).faults();
     run_.reset();
     run_id_.clear();
   }
@@ -295,6 +298,8 @@ class LcmReplay {
        .on_restart = [this] { on_gap(next_frame_, 0); }}};
   run_t part_{};
   stats_t stats_{};
+  truth_t truth_{};
+  RecordedFaults faults_;
 };
 
 /// A text of frames has no results to compare, and the names of its buses stand for their order.
