@@ -76,7 +76,14 @@ Scenario scenario_of(TomlTable root, const std::filesystem::path& file,
                                                kMaxDuration_s));
   }
   scenario.seed = root.optional_integer("seed").value_or(1);
-  scenario.initial_state = root.optional_vector("initial_state", -1);
+  if (root.is_table("initial_state")) {
+    TomlTable states = root.table("initial_state");
+    for (const std::string& name : states.keys()) {
+      scenario.initial_states.emplace(name, states.number(name));
+    }
+  } else {
+    scenario.initial_state = root.optional_vector("initial_state", -1);
+  }
   scenario.is_initial_state_known = root.optional_boolean("initial_state_known").value_or(false);
   if (auto simulation = root.optional_table("simulation")) {
     scenario.simulation = read_simulation(*simulation, folder_of(*simulation, "library"));

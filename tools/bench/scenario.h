@@ -53,7 +53,8 @@ struct Scenario {
   double duration_s = 0.0;
   std::int64_t seed = 1;
   std::optional<Eigen::VectorXd> initial_state;  ///< absolute; the operating point if absent
-  bool is_initial_state_known = false;           ///< the bank need not forget its start
+  std::map<std::string, double, std::less<>> initial_states;  ///< the same of some states, by name
+  bool is_initial_state_known = false;  ///< the bank need not forget its start
   SimulationSpec simulation;
   ControllerSpec controller;
   std::vector<Injection> injections;
