@@ -277,5 +277,41 @@ class Include(SuiteTest):
         self.assertIn("suite/parts/common.toml:12:10: expect, entry 1.from_s: found -2", answer.err)
 
 
+class Start(SuiteTest):
+    """Where a run begins, and how its channels are found on the bus."""
+
+    def states(self, log):
+        return [truth["x"] for truth in decode_all(read_log(self.folder.file(log))[0])["FAULTLINE_TRUTH"]]
+
+    def test_states_are_given_by_name(self):
+        self.write("a.toml", INCLUDING.replace("[[fault]]", "[initial_state]\nx2 = 0.5\nx1 = -0.25\n\n[[fault]]", 1))
+        self.run_ok("run", "suite/a.toml", "--log", "run.lcm")
+        self.assertEqual(self.states("run.lcm")[0], [-0.25, 0.5, 0.0])
+        self.assertIn("starts at x1 = -0.25, x2 = 0.5", self.run_ok("info", "suite/a.toml").out)
+
+    def test_a_state_that_the_plant_does_not_have(self):
+        self.write("a.toml", INCLUDING.replace("[[fault]]", "[initial_state]\nx4 = 0.5\n\n[[fault]]", 1))
+        answer = self.folder.run("run", "suite/a.toml")
+        self.assert_code(2, answer)
+        self.assertIn('suite/a.toml:5:6: initial_state: found "x4", expected a state of plant "hou2015" (x1, x2, x3); '
+                      'did you mean "x1"?', answer.err)
+
+    def test_a_sensor_that_is_scaled_and_negated_on_the_bus(self):
+        """y1 = -2 * signal + 0.5: the bus carries (0.5 - y1) / 2, and the diagnosis sees y1."""
+        self.write("a.toml", INCLUDING)
+        self.write("b.toml", INCLUDING.replace('"including"', '"mapped"') +
+                   '[signals]\ny1 = { signal = "y1", scale = 2.0, sign = -1, offset = 0.5 }\n')
+        self.run_ok("run", "suite", "--log-dir", "logs")
+        plain, mapped = (decode_all(read_log(self.folder.file(f"logs/{name}.lcm"))[0])
+                         for name in ("including", "mapped"))
+        for a, b in zip(plain["FAULTLINE_SAMPLE"], mapped["FAULTLINE_SAMPLE"], strict=True):
+            self.assertAlmostEqual(a["y"][0], b["y"][0], delta=1e-3)
+        on_bus = [int.from_bytes(bytes(frame["data"][:3]), "little", signed=True) * 1e-4
+                  for batch in mapped["FAULTLINE_CAN"] for frame in batch["frames"] if frame["id"] == 272]
+        for signal_value, sample in zip(on_bus, mapped["FAULTLINE_SAMPLE"], strict=True):
+            self.assertAlmostEqual(0.5 - 2 * signal_value, sample["y"][0], delta=1e-9)
+        self.assertIn("signal y1 = -2 * y1 + 0.5", self.run_ok("info", "suite/b.toml").out)
+
+
 if __name__ == "__main__":
     unittest.main()
