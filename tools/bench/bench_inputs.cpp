@@ -205,8 +205,11 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
   inputs.is_initial_state_known = scenario.is_initial_state_known;
   inputs.plant = parse_plant(texts.plant.text, texts.plant_source);
   const DbcDatabase dbc = parse_whole_dbc(texts.dbc.text, texts.dbc_source);
-  inputs.parts = {
-      {"scenario", scenario.file.filename().string(), scenario.text}, texts.plant, texts.dbc};
+  inputs.parts = {{"scenario", scenario.file.filename().string(), scenario.text}};
+  for (const IncludedText& include : scenario.includes) {
+    inputs.parts.push_back(include_part(include));
+  }
+  inputs.parts.insert(inputs.parts.end(), {texts.plant, texts.dbc});
   check_mapped_channels(scenario, inputs.plant);
   inputs.map = map_signals(scenario, dbc, inputs.plant);
   check_cycles_can_be_told(dbc, inputs.map);
@@ -265,7 +268,7 @@ BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts, const std::
   BenchInputs inputs;
   if (const RunPart* text = find_part(parts, "scenario")) {
     const RunPart& plant = require_part(parts, "plant", log);
-    Scenario scenario = parse_scenario(text->text, source(*text));
+    Scenario scenario = parse_scenario(text->text, source(*text), included_texts(parts));
     scenario.plant = source(plant);
     scenario.dbc = source(dbc);
     scenario.bank = source(bank);

@@ -1,6 +1,8 @@
+#include <algorithm>
 #include <stdexcept>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "diagnosis/model/toml_reader.h"
 #include "sim/model_plant.h"
@@ -24,6 +26,24 @@ void check_plant_can_run(const Scenario& scenario, const PlantModel& plant,
   }
 }
 
+/// The operating point with the states that the scenario names elsewhere.
+Eigen::VectorXd named_initial_state(const Scenario& scenario, const PlantModel& plant) {
+  Eigen::VectorXd x = plant.x_operating;
+  for (const auto& [name, value] : scenario.initial_states) {
+    const auto found = std::find(plant.state_names.begin(), plant.state_names.end(), name);
+    if (found == plant.state_names.end()) {
+      const auto near = nearest_name(name, plant.state_names);
+      throw scenario_error(
+          scenario, "initial_state", name,
+          fmt::format("initial_state: found \"{}\", expected a state of plant \"{}\" ({}){}", name,
+                      plant.name, fmt::join(plant.state_names, ", "),
+                      near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
+    }
+    x(found - plant.state_names.begin()) = value;
+  }
+  return x;
+}
+
 }  // namespace
 
 PlantMaker plant_maker(const Scenario& scenario, const PlantModel& plant,
@@ -36,7 +56,7 @@ PlantMaker plant_maker(const Scenario& scenario, const PlantModel& plant,
 }
 
 Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant) {
-  if (!scenario.initial_state) return plant.x_operating;
+  if (!scenario.initial_state) return named_initial_state(scenario, plant);
   if (scenario.initial_state->size() != plant.n()) {
     throw scenario_error(scenario, "", "initial_state",
                          fmt::format("initial_state: found {} numbers, expected {}, one per state",

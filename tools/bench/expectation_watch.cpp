@@ -53,6 +53,7 @@ void ExpectationWatch::refuse(const VerdictEntry& now, std::string found) {
 void ExpectationWatch::on_sample(const DiagnosisRecord& record, const VerdictEntry& now) {
   is_inside_ = now.t_s >= expectation_.from_s - kTimeSlack_s &&
                now.t_s <= expectation_.until_s + kTimeSlack_s;
+  is_over_ = now.t_s >= expectation_.until_s - kTimeSlack_s;
   if (!is_inside_) return;
   ++samples_;
   if (expectation_.has_no_false_alarm && is_alarm(now.verdict)) {
@@ -119,6 +120,7 @@ std::string ExpectationWatch::unmet_estimate() const {
 
 ExpectationOutcome ExpectationWatch::outcome() const {
   ExpectationOutcome outcome{.expectation = expectation_,
+                             .is_final = is_over_ || !found_.empty(),
                              .samples = samples_,
                              .first_unmet = first_unmet_,
                              .found = found_};

@@ -16,6 +16,8 @@ namespace faultline {
 struct ExpectationOutcome {
   Expectation expectation;
   bool is_met = false;
+  /// No later sample can change the answer: it is past its time, or what it forbids has happened.
+  bool is_final = false;
   std::uint64_t samples = 0;                  ///< samples compared
   std::optional<VerdictEntry> first_unmet{};  ///< first sample whose verdict differed
   /// What was found instead, and when: "found healthy at 4.3 s"; empty if it is met.
@@ -46,6 +48,7 @@ class ExpectationWatch {
 
   Expectation expectation_;
   std::uint64_t samples_ = 0;
+  bool is_over_ = false;                  ///< the last sample is the stretch's last, or later
   bool is_inside_ = false;                ///< the last sample lay in the stretch
   std::optional<VerdictEntry> waiting_;   ///< before the deadline: the verdict differs since
   std::optional<double> agrees_since_s_;  ///< before the deadline: the verdict agrees since

@@ -50,18 +50,20 @@ void read_expectations(TomlTable& root, Scenario& scenario) {
   }
 }
 
-Scenario scenario_of(TomlTable root, const std::filesystem::path& file) {
-  const std::filesystem::path folder = file.parent_path();
+Scenario scenario_of(TomlTable root, const std::filesystem::path& file,
+                     const IncludeReader& includes) {
   Scenario scenario;
+  scenario.includes = adopt_includes(root, file, includes);
+  scenario.tables = root;
   scenario.file = file;
   scenario.text = root.text();
   if (const auto schema = root.integer("schema"); schema != 1) {
     throw root.error("schema", fmt::format("found {}, expected 1", schema));
   }
   scenario.name = root.string("name");
-  scenario.plant = folder / root.string("plant");
-  scenario.bank = folder / root.string("bank");
-  scenario.dbc = folder / root.string("dbc");
+  scenario.plant = path_in(root, "plant");
+  scenario.bank = path_in(root, "bank");
+  scenario.dbc = path_in(root, "dbc");
   if (const auto bus = root.optional_string("bus")) {
     if (!is_bus_name(*bus)) {
       throw root.error("bus", fmt::format("found \"{}\", expected {}", *bus, kBusNamesHelp));
@@ -74,10 +76,17 @@ Scenario scenario_of(TomlTable root, const std::filesystem::path& file) {
                                                kMaxDuration_s));
   }
   scenario.seed = root.optional_integer("seed").value_or(1);
-  scenario.initial_state = root.optional_vector("initial_state", -1);
+  if (root.is_table("initial_state")) {
+    TomlTable states = root.table("initial_state");
+    for (const std::string& name : states.keys()) {
+      scenario.initial_states.emplace(name, states.number(name));
+    }
+  } else {
+    scenario.initial_state = root.optional_vector("initial_state", -1);
+  }
   scenario.is_initial_state_known = root.optional_boolean("initial_state_known").value_or(false);
   if (auto simulation = root.optional_table("simulation")) {
-    scenario.simulation = read_simulation(*simulation, folder);
+    scenario.simulation = read_simulation(*simulation, folder_of(*simulation, "library"));
   }
   if (auto controller = root.optional_table("controller")) {
     scenario.controller = read_controller(*controller, folder);
@@ -89,10 +98,10 @@ Scenario scenario_of(TomlTable root, const std::filesystem::path& file) {
     scenario.injections.push_back(read_injection(table, scenario.duration_s));
   }
   for (const TomlTable& table : root.tables("disturbance")) {
-    scenario.disturbances.push_back(read_perturbation(table, folder));
+    scenario.disturbances.push_back(read_perturbation(table, folder_of(table, "target")));
   }
   for (const TomlTable& table : root.tables("noise")) {
-    scenario.noises.push_back(read_perturbation(table, folder));
+    scenario.noises.push_back(read_perturbation(table, folder_of(table, "target")));
   }
   read_expectations(root, scenario);
   if (auto signals = root.optional_table("signals")) {
@@ -121,25 +130,34 @@ double require_time(const TomlTable& table, std::string_view key, double value) 
   return value;
 }
 
+std::filesystem::path folder_of(const TomlTable& table, std::string_view key) {
+  return std::filesystem::path(table.source_of(key)).parent_path();
+}
+
+std::filesystem::path path_in(TomlTable& table, std::string_view key) {
+  return folder_of(table, key) / table.string(key);
+}
+
 Scenario read_scenario(const std::filesystem::path& file) {
-  return scenario_of(TomlTable::read_file(file), file);
+  return scenario_of(TomlTable::read_file(file), file, includes_beside(file));
 }
 
-Scenario parse_scenario(std::string_view text, const std::filesystem::path& file) {
-  return scenario_of(TomlTable::parse(text, file.string()), file);
-}
-
-SourcePosition position_in(const Scenario& scenario, std::string_view table, std::string_view key,
-                           std::optional<std::size_t> entry) {
-  TomlTable root = TomlTable::parse(scenario.text, scenario.file.string());
-  if (table.empty()) return root.error(key, "").position();
-  if (entry) return root.tables(table).at(*entry).error(key, "").position();
-  return root.table(table).error(key, "").position();
+Scenario parse_scenario(std::string_view text, const std::filesystem::path& file,
+                        const std::vector<IncludedText>& includes) {
+  return scenario_of(TomlTable::parse(text, file.string()), file,
+                     includes_among(includes, file.string()));
 }
 
 InputError scenario_error(const Scenario& scenario, std::string_view table, std::string_view key,
                           const std::string& text, std::optional<std::size_t> entry) {
-  return {scenario.file.string(), position_in(scenario, table, key, entry), text};
+  const auto at = [&]() -> InputError {
+    if (!scenario.tables) return {scenario.file.string(), {}, ""};
+    TomlTable root = *scenario.tables;
+    if (table.empty() || !root.has(table)) return root.error(key, "");
+    if (entry) return root.tables(table).at(*entry).error(key, "");
+    return root.table(table).error(key, "");
+  }();
+  return {at.source(), at.position(), text};
 }
 
 }  // namespace faultline

@@ -11,6 +11,7 @@
 #include <Eigen/Core>
 
 #include "diagnosis/model/input_error.h"
+#include "diagnosis/model/toml_reader.h"
 #include "drivers/signal/signal_map.h"
 #include "sim/fault.h"
 #include "sim/integration.h"
@@ -18,6 +19,7 @@
 #include "tools/bench/expectation.h"
 #include "sim/pid.h"
 #include "sim/reference.h"
+#include "tools/bench/scenario_include.h"
 
 namespace faultline {
 
@@ -78,32 +80,32 @@ struct Scenario {
   double duration_s = 0.0;
   std::int64_t seed = 1;
   std::optional<Eigen::VectorXd> initial_state;  ///< absolute; the operating point if absent
-  bool is_initial_state_known = false;           ///< the bank need not forget its start
+  std::map<std::string, double, std::less<>> initial_states;  ///< the same of some states, by name
+  bool is_initial_state_known = false;  ///< the bank need not forget its start
   SimulationSpec simulation;
   ControllerSpec controller;
   std::vector<Injection> injections;
   std::vector<Perturbation> disturbances, noises;
   std::vector<Expectation> expectations;
   std::map<std::string, ChannelMapping, std::less<>> signals;
-  std::string text;  ///< the file, whole
+  std::string text;                    ///< the file, whole
+  std::vector<IncludedText> includes;  ///< the files that it includes, at whatever depth
+  std::optional<TomlTable> tables;     ///< file and includes in one, to point at what is wrong
 };
 
-/// Reads a scenario (docs/design.md, "Files"). Strict.
+/// Reads a scenario (docs/design.md, "Files") and the files that it includes. Strict.
 /// @throws InputError anything wrong in it, with line and column; std::system_error cannot be read.
 [[nodiscard]] Scenario read_scenario(const std::filesystem::path& file);
 
-/// The same from a text; `file` is the name used in messages, and paths are resolved against its
-/// folder.
-[[nodiscard]] Scenario parse_scenario(std::string_view text, const std::filesystem::path& file);
+/// The same from a text and those it includes; `file` is the name used in messages, and paths are
+/// resolved against its folder.
+[[nodiscard]] Scenario parse_scenario(std::string_view text, const std::filesystem::path& file,
+                                      const std::vector<IncludedText>& includes = {});
 
-/// Where `key` of a table stands in the scenario, for messages about what only shows beside other
-/// files. `table`: empty for the top level; with `entry`, that one of a list such as [[fault]].
-/// A key that is absent stands where its table does.
-[[nodiscard]] SourcePosition position_in(const Scenario& scenario, std::string_view table,
-                                         std::string_view key,
-                                         std::optional<std::size_t> entry = std::nullopt);
-
-/// What is wrong with `key` of a table of the scenario, at its place: see position_in.
+/// What is wrong with `key` of a table of the scenario, for what only shows beside other files:
+/// at its place in the file where it really stands. `table`: empty for the top level; with `entry`,
+/// that one of a list such as [[fault]], included ones first. A key that is absent stands where its
+/// table does, and a table that is absent where the scenario does.
 [[nodiscard]] InputError scenario_error(const Scenario& scenario, std::string_view table,
                                         std::string_view key, const std::string& text,
                                         std::optional<std::size_t> entry = std::nullopt);

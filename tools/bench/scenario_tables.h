@@ -22,6 +22,10 @@ namespace faultline {
 /// Whether no verdict can meet both: they overlap in time, and what one allows the other forbids.
 [[nodiscard]] bool contradict(const Expectation& a, const Expectation& b);
 
+/// The folder of the file in which `key` really stands: what paths there are relative to.
+[[nodiscard]] std::filesystem::path folder_of(const TomlTable& table, std::string_view key);
+/// The path that `key` names, from that folder.
+[[nodiscard]] std::filesystem::path path_in(TomlTable& table, std::string_view key);
 /// A number that must be positive.
 [[nodiscard]] double read_positive(TomlTable& table, std::string_view key);
 /// `value`, which `key` has, if it is a time.

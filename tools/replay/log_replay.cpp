@@ -278,10 +278,11 @@ class LcmReplay {
 
   [[nodiscard]] static bool has_all(const RunParts& parts) {
     constexpr std::array<std::string_view, 4> kNeeded = {"scenario", "plant", "dbc", "bank"};
-    return std::all_of(kNeeded.begin(), kNeeded.end(), [&](std::string_view name) {
+    const bool is_whole = std::all_of(kNeeded.begin(), kNeeded.end(), [&](std::string_view name) {
       const RunParts::Part* const part = parts.find(name);
       return part != nullptr && part->is_whole();
     });
+    return is_whole && has_all_includes(parts.whole_parts());
   }
 
   const ReplayOptions* options_;
