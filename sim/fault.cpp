@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace faultline {
@@ -61,15 +62,27 @@ double activity(const Injection& injection, double t_s) noexcept {
 }
 
 double injected_value(const Injection& injection, double a, double t_s) noexcept {
+  constexpr double kNotSaid = std::numeric_limits<double>::quiet_NaN();
   const double value = injection.value.value_or(0.0);
+  const double since_s = t_s - injection.at_s;
   switch (injection.kind) {
     case kGain:
       return 1.0 + a * (value - 1.0);
     case kSinusoid:
-      return a * value *
-             sinusoid(t_s - injection.at_s, injection.frequency_Hz, injection.phase_rad);
+      return a * value * sinusoid(since_s, injection.frequency_Hz, injection.phase_rad);
     case kDrift:
-      return a * value * (t_s - injection.at_s);
+      return a * value * since_s;
+    case kStuck:
+    case kHardOver:
+    case kWrongDlc:
+      return injection.value.value_or(kNotSaid);
+    case kDropout:
+      return value;
+    case kDelayed:
+    case kDuplicated:
+    case kCorrupted:
+    case kBabbling:
+      return injection.value.value_or(1.0);
     default:
       return a * value;
   }

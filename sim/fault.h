@@ -46,6 +46,17 @@ enum class InjectionKind {
   kBusOff,         ///< target "plant" or "controller": the node neither sends nor hears
 };
 
+/// What a fault can sit on.
+enum class FaultTargetKind {
+  kInput,
+  kOutput,
+  kComponent,
+  kMessage,
+  kNode,     ///< index 0 the plant's, 1 the controller's
+  kId,       ///< kBabbling: index is the identifier
+  kUnknown,  ///< a component of a simulated plant that is not at hand
+};
+
 /// As in scenarios: "bias", "gain", "sinusoid", "stuck", "drift", "dead_zone", "slow", "hard_over",
 /// "noise", "dropout", "quantisation", "frozen", "offset", "swapped", "dropped", "delayed",
 /// "duplicated", "reordered", "corrupted", "wrong_crc", "frozen_counter", "wrong_dlc", "babbling",
@@ -81,8 +92,12 @@ struct Injection {
 /// draws.
 [[nodiscard]] double activity(const Injection& injection, double t_s) noexcept;
 
-/// What an injection of activity `a` does at t_s: what it adds to its channel or, a gain, the
-/// channel's factor; of the other kinds a·v.
+/// What an injection of activity `a` does at t_s, as TRUTH has it: what it adds to its channel
+/// (bias, sinusoid, drift, offset); a gain's factor; where a stuck or dropped out channel is and a
+/// hard-over goes; the half width of a dead zone, time constant in s of a lag, standard deviation
+/// of noise, with the ramp; a step; how many frames, cycles, bits or bytes. NaN where the timeline
+/// does not say: stuck at the last value, the end of the range, the next smaller length. 0 of the
+/// kinds without a value.
 [[nodiscard]] double injected_value(const Injection& injection, double a, double t_s) noexcept;
 
 /// Whether t_s lies in [at_s, until_s), with half a nanosecond of slack: cycle times are multiples

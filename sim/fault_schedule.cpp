@@ -1,6 +1,9 @@
 #include "sim/fault_schedule.h"
 
 #include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -9,6 +12,8 @@
 #include <fmt/format.h>
 
 #include "diagnosis/model/toml_reader.h"
+#include "sim/injection_rule.h"
+#include "sim/random_draw.h"
 
 namespace faultline {
 namespace {
@@ -22,38 +27,120 @@ std::uint64_t mix(std::uint64_t state, std::uint64_t next) noexcept {
   return z ^ (z >> 31U);
 }
 
-/// Uniform in [0, 1).
-double fraction(std::uint64_t draw) noexcept { return static_cast<double>(draw >> 11U) * 0x1p-53; }
-
 /// Which numbers of an entry's stream are spoken for.
 constexpr std::uint64_t kSpreadDraw = 0xffff'0000;
 constexpr std::uint64_t kProbabilityDraw = 0xffff'0001;
 
-template <class Named>
-std::optional<std::size_t> index_of(const std::vector<Named>& list, const std::string& name) {
-  const auto found =
-      std::find_if(list.begin(), list.end(), [&](const Named& one) { return one.name == name; });
-  if (found == list.end()) return std::nullopt;
-  return static_cast<std::size_t>(found - list.begin());
+constexpr std::array<std::string_view, 2> kNodeNames{"plant", "controller"};
+/// Identifiers of CAN have 29 bits at most.
+constexpr unsigned long kLargestId = 0x1FFFFFFF;
+
+template <class List>
+std::optional<std::size_t> index_of(const List& list, std::string_view name) {
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    if constexpr (requires { list[i].name; }) {
+      if (list[i].name == name) return i;
+    } else {
+      if (list[i] == name) return i;
+    }
+  }
+  return std::nullopt;
 }
 
-template <class Named>
-void append_names(const std::vector<Named>& list, std::vector<std::string>& names) {
-  for (const Named& one : list) names.push_back(one.name);
+/// Whether a message has what such a fault breaks.
+bool can_have(const MessageTarget& message, InjectionKind kind) {
+  if (kind == InjectionKind::kWrongCrc) return message.has_crc;
+  return kind != InjectionKind::kFrozenCounter || message.has_counter;
 }
 
-std::string unknown_target(const FaultTargets& targets, const std::string& target) {
-  std::vector<std::string> known;
-  append_names(targets.inputs, known);
-  append_names(targets.outputs, known);
-  append_names(targets.components, known);
-  std::string text =
-      fmt::format("found \"{}\", expected an input, an output or a fault of plant \"{}\" ({})",
-                  target, targets.plant_name, fmt::join(known, ", "));
-  if (const auto near = nearest_name(target, known)) {
+/// Names that an entry of `kind` can have.
+std::vector<std::string> possible_targets(const FaultTargets& targets, InjectionKind kind) {
+  const InjectionRule& rule = rule_of(kind);
+  std::vector<std::string> names;
+  const auto append = [&](FaultTargetKind target, const auto& list) {
+    if (!rule.allows(target)) return;
+    for (const auto& one : list) names.push_back(one.name);
+  };
+  append(FaultTargetKind::kInput, targets.inputs);
+  append(FaultTargetKind::kOutput, targets.outputs);
+  append(FaultTargetKind::kComponent, targets.components);
+  for (const MessageTarget& message : targets.messages) {
+    if (rule.allows(FaultTargetKind::kMessage) && can_have(message, kind)) {
+      names.push_back(message.name);
+    }
+  }
+  if (rule.allows(FaultTargetKind::kNode)) {
+    names.insert(names.end(), kNodeNames.begin(), kNodeNames.end());
+  }
+  return names;
+}
+
+std::string unknown_target(const FaultTargets& targets, const Injection& injection) {
+  const std::vector<std::string> known = possible_targets(targets, injection.kind);
+  std::string text = fmt::format(
+      "found \"{}\", expected {} of plant \"{}\"{} with kind = \"{}\"", injection.target,
+      target_kinds_text(rule_of(injection.kind)), targets.plant_name,
+      known.empty() ? ", which has none," : fmt::format(" ({})", fmt::join(known, ", ")),
+      injection_kind_name(injection.kind));
+  if (const auto near = nearest_name(injection.target, known)) {
     text += fmt::format("; did you mean \"{}\"?", *near);
   }
   return text;
+}
+
+/// An identifier as in "0x1A5" or "421".
+std::optional<std::size_t> identifier(const std::string& name) {
+  if (name.empty() || std::isdigit(static_cast<unsigned char>(name.front())) == 0) {
+    return std::nullopt;
+  }
+  const bool is_hex = name.starts_with("0x") || name.starts_with("0X");
+  const char* begin = name.data() + (is_hex ? 2 : 0);
+  const char* end = name.data() + name.size();
+  unsigned long id = 0;
+  const auto [stop, error] = std::from_chars(begin, end, id, is_hex ? 16 : 10);
+  if (error != std::errc() || stop != end || id > kLargestId) return std::nullopt;
+  return id;
+}
+
+/// Payload sizes of CAN FD.
+bool is_frame_length(double bytes) {
+  constexpr std::array kLong{12.0, 16.0, 20.0, 24.0, 32.0, 48.0, 64.0};
+  return bytes <= 8.0 || std::find(kLong.begin(), kLong.end(), bytes) != kLong.end();
+}
+
+/// Its number must fit the message's bytes.
+std::optional<std::string> mistake_for(const MessageTarget& message, const Injection& injection) {
+  const double length = message.length;
+  if (injection.kind == InjectionKind::kCorrupted && injection.value.value_or(1) > 8 * length) {
+    return fmt::format("found {} bits, expected at most the {} of message \"{}\"",
+                       injection.value.value_or(1), 8 * length, message.name);
+  }
+  if (injection.kind != InjectionKind::kWrongDlc) return std::nullopt;
+  if (length == 0 && !injection.value) {
+    return fmt::format("found nothing, expected a length: message \"{}\" has no bytes to lose",
+                       message.name);
+  }
+  if (!injection.value) return std::nullopt;
+  if (*injection.value == length) {
+    return fmt::format("found {}, expected another length than that of message \"{}\"", length,
+                       message.name);
+  }
+  if (!is_frame_length(*injection.value) || (length <= 8 && *injection.value > 8)) {
+    return fmt::format("found {} bytes, expected a length of a frame like message \"{}\": 0 to 8{}",
+                       *injection.value, message.name,
+                       length <= 8 ? "" : ", 12, 16, 20, 24, 32, 48, 64");
+  }
+  return std::nullopt;
+}
+
+/// From when on it may act, and until when, whatever is drawn.
+struct Span {
+  double begin_s, end_s;
+};
+Span span_of(const Injection& injection, double cleared_at_s) {
+  const double end_s = injection.until_s ? *injection.until_s + injection.spread_s
+                                         : std::numeric_limits<double>::infinity();
+  return {injection.at_s, std::min(end_s, cleared_at_s)};
 }
 
 }  // namespace
@@ -159,33 +246,116 @@ double FaultSchedule::activity(std::size_t entry, double t_s) const noexcept {
   const double a = faultline::activity(scheduled.injection, t_s - scheduled.shift_s);
   const double probability = scheduled.injection.probability;
   if (a == 0.0 || probability >= 1.0) return a;
-  return fraction(draw(entry, t_s, kProbabilityDraw)) < probability ? a : 0.0;
+  return uniform_of(draw(entry, t_s, kProbabilityDraw)) < probability ? a : 0.0;
 }
 
 double FaultSchedule::value(std::size_t entry, double t_s) const noexcept {
   const Entry& scheduled = entries_[entry];
+  if (scheduled.injection.kind == InjectionKind::kHardOver && !scheduled.injection.value) {
+    const ChannelTarget& input = targets_.inputs[scheduled.target.index];
+    return input.operating + input.range;
+  }
   return injected_value(scheduled.injection, activity(entry, t_s), t_s - scheduled.shift_s);
 }
 
 FaultTarget FaultSchedule::resolve(std::size_t entry, const Injection& injection) const {
-  if (const auto input = index_of(targets_.inputs, injection.target)) {
-    return {FaultTargetKind::kInput, *input};
+  using enum FaultTargetKind;
+  const InjectionRule& rule = rule_of(injection.kind);
+  const std::string& name = injection.target;
+  const auto find = [&](FaultTargetKind kind, const auto& list) -> std::optional<FaultTarget> {
+    const auto index = rule.allows(kind) ? index_of(list, name) : std::nullopt;
+    if (!index) return std::nullopt;
+    return FaultTarget{kind, *index};
+  };
+  if (const auto input = find(kInput, targets_.inputs)) return *input;
+  if (const auto output = find(kOutput, targets_.outputs)) return *output;
+  if (const auto component = find(kComponent, targets_.components)) return *component;
+  if (const auto message = find(kMessage, targets_.messages)) return *message;
+  if (const auto node = find(kNode, kNodeNames)) return *node;
+  const auto id = rule.allows(kId) ? identifier(name) : std::nullopt;
+  if (id) return {kId, *id};
+  if (rule.allows(kComponent) && targets_.are_components_open) return {};
+  throw ScheduleError(entry, "target", unknown_target(targets_, injection));
+}
+
+std::size_t FaultSchedule::resolve_other(std::size_t entry, const Injection& injection,
+                                         const FaultTarget& target) const {
+  const bool is_input = target.kind == FaultTargetKind::kInput;
+  const std::vector<ChannelTarget>& channels = is_input ? targets_.inputs : targets_.outputs;
+  const auto other = index_of(channels, injection.with);
+  if (other && *other != target.index) return *other;
+  std::vector<std::string> names;
+  for (const ChannelTarget& channel : channels) {
+    if (channel.name != injection.target) names.push_back(channel.name);
   }
-  if (const auto output = index_of(targets_.outputs, injection.target)) {
-    return {FaultTargetKind::kOutput, *output};
+  const auto near = nearest_name(injection.with, names);
+  throw ScheduleError(
+      entry, "with",
+      fmt::format("found \"{}\", expected another {} of plant \"{}\" ({}){}", injection.with,
+                  is_input ? "input" : "output", targets_.plant_name,
+                  names.empty() ? "it has none" : fmt::format("{}", fmt::join(names, ", ")),
+                  near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
+}
+
+void FaultSchedule::check_alone(std::size_t entry, const Injection& injection,
+                                const FaultTarget& target) const {
+  const auto refuse = [entry](const std::string& field, const std::string& text) {
+    throw ScheduleError(entry, field, text);
+  };
+  if (const auto mistake = find_mistake(injection, targets_.sample_time_s)) {
+    refuse(mistake->field, mistake->text);
   }
-  if (const auto component = index_of(targets_.components, injection.target)) {
-    if (injection.kind == InjectionKind::kGain && targets_.components[*component].nominal == 0.0) {
-      throw ScheduleError(
-          entry, "kind",
-          fmt::format("found \"{}\", expected \"bias\" or \"sinusoid\": \"{}\" is a fault of the "
-                      "plant file, not a channel",
-                      injection_kind_name(injection.kind), injection.target));
-    }
-    return {FaultTargetKind::kComponent, *component};
+  const std::string_view kind = injection_kind_name(injection.kind);
+  if (target.kind == FaultTargetKind::kComponent && injection.kind == InjectionKind::kGain &&
+      targets_.components[target.index].nominal == 0.0) {
+    refuse("kind",
+           fmt::format("found \"gain\", expected \"bias\", \"sinusoid\" or \"drift\": \"{}\" is "
+                       "nominally zero, and no factor changes that",
+                       injection.target));
   }
-  if (targets_.are_components_open) return {};
-  throw ScheduleError(entry, "target", unknown_target(targets_, injection.target));
+  if (injection.kind == InjectionKind::kHardOver && !injection.value &&
+      targets_.inputs[target.index].range <= 0.0) {
+    refuse("value", fmt::format("found nothing, expected a number: plant \"{}\" gives no range of "
+                                "\"{}\"",
+                                targets_.plant_name, injection.target));
+  }
+  if (target.kind != FaultTargetKind::kMessage) return;
+  const MessageTarget& message = targets_.messages[target.index];
+  if (!can_have(message, injection.kind)) {
+    const std::vector<std::string> names = possible_targets(targets_, injection.kind);
+    refuse(
+        "target",
+        fmt::format("found message \"{}\", which has no {} in the DBC, expected one "
+                    "that has ({}) with kind = \"{}\"",
+                    message.name,
+                    injection.kind == InjectionKind::kWrongCrc ? "checksum" : "alive counter",
+                    names.empty() ? "none has" : fmt::format("{}", fmt::join(names, ", ")), kind));
+  }
+  if (const auto text = mistake_for(message, injection)) refuse("value", *text);
+}
+
+void FaultSchedule::check_beside_others(std::size_t entry, const Injection& injection,
+                                        const FaultTarget& target) const {
+  const Span span = span_of(injection, std::numeric_limits<double>::infinity());
+  for (std::size_t i = 0; i < size(); ++i) {
+    const Entry& other = entries_[i];
+    if (!exclude_each_other(injection.kind, other.injection.kind)) continue;
+    if (target.kind != other.target.kind) continue;
+    const bool is_swap = injection.kind == InjectionKind::kSwapped;
+    const auto touches = [&](std::size_t channel) {
+      return channel == other.target.index || (is_swap && channel == other.target.with);
+    };
+    if (!touches(target.index) && !(is_swap && touches(target.with))) continue;
+    const Span taken = span_of(other.injection, other.cleared_at_s.load());
+    if (span.begin_s >= taken.end_s || taken.begin_s >= span.end_s) continue;
+    throw ScheduleError(
+        entry, "at_s",
+        fmt::format("found \"{}\" on \"{}\" while \"{}\" of entry {} may still act there (from {} "
+                    "s{}), expected one at a time",
+                    injection_kind_name(injection.kind), injection.target,
+                    injection_kind_name(other.injection.kind), i + 1, taken.begin_s,
+                    std::isfinite(taken.end_s) ? fmt::format(" until {} s", taken.end_s) : " on"));
+  }
 }
 
 void FaultSchedule::add(Injection injection) {
@@ -196,8 +366,13 @@ void FaultSchedule::add(Injection injection) {
         fmt::format("found more than {} faults, expected at most so many in a run", kMostEntries));
   }
   Entry& scheduled = entries_[entry];
-  scheduled.target = resolve(entry, injection);
-  scheduled.shift_s = injection.spread_s * fraction(mix(mix(seed_, entry), kSpreadDraw));
+  FaultTarget target = resolve(entry, injection);
+  check_alone(entry, injection, target);
+  if (injection.kind == InjectionKind::kSwapped)
+    target.with = resolve_other(entry, injection, target);
+  check_beside_others(entry, injection, target);
+  scheduled.target = target;
+  scheduled.shift_s = injection.spread_s * uniform_of(mix(mix(seed_, entry), kSpreadDraw));
   scheduled.injection = std::move(injection);
   size_.store(entry + 1, std::memory_order_release);
 }

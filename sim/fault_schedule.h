@@ -55,20 +55,13 @@ struct FaultTargets {
   std::vector<MessageTarget> messages;     ///< by their index in the SignalMap
   /// Where the simulated plant is not at hand (a replay): any other name is taken for a component.
   bool are_components_open = false;
+  double sample_time_s = 0.0;  ///< of the run; 0: not known
 };
 
 /// What a plant file alone gives: no messages.
 [[nodiscard]] FaultTargets fault_targets(const PlantModel& plant);
 
-enum class FaultTargetKind {
-  kInput,
-  kOutput,
-  kComponent,
-  kMessage,
-  kNode,     ///< index 0 the plant's, 1 the controller's
-  kId,       ///< kBabbling: index is the identifier
-  kUnknown,  ///< a component of a simulated plant that is not at hand
-};
+/// What an entry sits on, resolved.
 struct FaultTarget {
   FaultTargetKind kind = FaultTargetKind::kUnknown;
   std::size_t index = 0;
@@ -85,8 +78,9 @@ class FaultSchedule {
 
   /// No faults, of no plant.
   FaultSchedule();
-  /// @throws ScheduleError unknown target (with the nearest name), kind that the target cannot
-  /// have, a value missing or out of range, too many.
+  /// @throws ScheduleError unknown target (with the nearest name that such a fault can have), a
+  /// kind that the target cannot have, what find_mistake finds, a fault that excludes another one
+  /// on its target while both may act (whatever is drawn of spread_s), too many.
   FaultSchedule(const PlantModel& plant, std::vector<Injection> injections);
   FaultSchedule(FaultTargets targets, std::vector<Injection> injections, std::int64_t seed);
   FaultSchedule(const FaultSchedule& other);
@@ -101,7 +95,8 @@ class FaultSchedule {
   [[nodiscard]] const FaultTarget& target(std::size_t entry) const noexcept;
   /// a(t) of an entry, with all that is drawn. Real-time.
   [[nodiscard]] double activity(std::size_t entry, double t_s) const noexcept;
-  /// injected_value of an entry. Real-time.
+  /// injected_value of an entry; a hard-over without a value goes to the upper end of the range.
+  /// Real-time.
   [[nodiscard]] double value(std::size_t entry, double t_s) const noexcept;
   /// When an entry begins: at_s and what of spread_s was drawn.
   [[nodiscard]] double onset_s(std::size_t entry) const noexcept;
@@ -122,6 +117,12 @@ class FaultSchedule {
  private:
   struct Entry;
   [[nodiscard]] FaultTarget resolve(std::size_t entry, const Injection& injection) const;
+  /// Index of what kSwapped swaps its target with.
+  [[nodiscard]] std::size_t resolve_other(std::size_t entry, const Injection& injection,
+                                          const FaultTarget& target) const;
+  void check_alone(std::size_t entry, const Injection& injection, const FaultTarget& target) const;
+  void check_beside_others(std::size_t entry, const Injection& injection,
+                           const FaultTarget& target) const;
 
   FaultTargets targets_;
   std::uint64_t seed_ = 1;

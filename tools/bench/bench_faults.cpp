@@ -22,6 +22,7 @@ void append_messages(const std::vector<MappedMessage>& messages, bool is_command
 
 FaultTargets targets_of(const BenchInputs& inputs) {
   FaultTargets targets = fault_targets(inputs.plant);
+  targets.sample_time_s = inputs.bank.sample_time_s;
   if (inputs.make_plant) {
     targets.components = inputs.make_plant()->components();
   } else {

@@ -70,7 +70,7 @@ Scenario scenario_of(TomlTable root, const std::filesystem::path& file) {
     scenario.controller.reference_steps.push_back(read_reference_step(table, scenario.controller));
   }
   for (const TomlTable& table : root.tables("fault")) {
-    scenario.injections.push_back(read_injection(table));
+    scenario.injections.push_back(read_injection(table, scenario.duration_s));
   }
   for (const TomlTable& table : root.tables("disturbance")) {
     scenario.disturbances.push_back(read_perturbation(table, folder));

@@ -1,5 +1,9 @@
+#include <string>
+#include <vector>
+
 #include <fmt/format.h>
 
+#include "sim/injection_rule.h"
 #include "tools/bench/scenario_tables.h"
 
 namespace faultline {
@@ -21,22 +25,55 @@ void read_sinusoid(TomlTable& table, Sinusoid& entry) {
   entry.phase_rad = table.optional_number("phase_rad").value_or(0.0);
 }
 
+InjectionKind read_injection_kind(TomlTable& table) {
+  const std::string name = table.string("kind");
+  if (const auto kind = find_injection_kind(name)) return *kind;
+  std::vector<std::string> names;
+  for (const InjectionKind kind : all_injection_kinds()) {
+    names.emplace_back(injection_kind_name(kind));
+  }
+  const auto near = nearest_name(name, names);
+  throw table.error("kind",
+                    fmt::format("found \"{}\", expected one of {}{}", name, fmt::join(names, ", "),
+                                near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
+}
+
+/// Keys that other kinds have, but not this one.
+void refuse_foreign_keys(const TomlTable& table, InjectionKind kind) {
+  for (const char* key : {"value", "ramp_s", "frequency_Hz", "phase_rad", "with"}) {
+    if (!table.has(key) || takes_key(kind, key)) continue;
+    throw table.error(key, fmt::format("found it with kind = \"{}\", which does not use it",
+                                       injection_kind_name(kind)));
+  }
+}
+
 }  // namespace
 
-Injection read_injection(TomlTable table) {
+Injection read_injection(TomlTable table, double duration_s) {
   Injection injection;
   injection.target = table.string("target");
-  const std::string kind = table.choice("kind", {"bias", "gain", "sinusoid"});
-  if (kind == "gain") injection.kind = InjectionKind::kGain;
-  if (kind == "sinusoid") {
-    injection.kind = InjectionKind::kSinusoid;
-    read_sinusoid(table, injection);
+  injection.kind = read_injection_kind(table);
+  refuse_foreign_keys(table, injection.kind);
+  injection.value = table.optional_number("value");
+  injection.at_s = table.number("at_s");
+  injection.until_s = table.optional_number("until_s");
+  injection.ramp_s = table.optional_number("ramp_s").value_or(0.0);
+  injection.period_s = table.optional_number("period_s");
+  injection.spread_s = table.optional_number("spread_s").value_or(0.0);
+  injection.probability = table.optional_number("probability").value_or(1.0);
+  if (injection.kind == InjectionKind::kSinusoid) read_sinusoid(table, injection);
+  if (injection.kind == InjectionKind::kSwapped) injection.with = table.string("with");
+  if (const auto mistake = find_mistake(injection)) {
+    throw table.error(mistake->field, mistake->text);
   }
-  injection.value = table.number("value");
-  injection.at_s = require_time(table, "at_s", table.number("at_s"));
-  read_end(table, injection);
-  injection.ramp_s = require_time(table, "ramp_s", table.optional_number("ramp_s").value_or(0.0));
-  if (table.has("period_s")) injection.period_s = read_positive(table, "period_s");
+  if (injection.at_s + injection.spread_s > duration_s) {
+    throw table.error(
+        "at_s",
+        fmt::format(
+            "found {}{}, expected at most duration_s = {}", injection.at_s,
+            injection.spread_s > 0.0 ? fmt::format(" and spread_s = {}", injection.spread_s) : "",
+            duration_s));
+  }
   return injection;
 }
 

@@ -15,7 +15,7 @@ namespace faultline {
 /// [[reference]], which only a controller that follows one may have.
 [[nodiscard]] ReferenceStepSpec read_reference_step(TomlTable table,
                                                     const ControllerSpec& controller);
-[[nodiscard]] Injection read_injection(TomlTable table);
+[[nodiscard]] Injection read_injection(TomlTable table, double duration_s);
 [[nodiscard]] Perturbation read_perturbation(TomlTable table, const std::filesystem::path& folder);
 [[nodiscard]] Expectation read_expectation(TomlTable table, double duration_s);
 
