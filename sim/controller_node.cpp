@@ -9,13 +9,16 @@ ControllerNode::ControllerNode(const SignalMap& map, std::unique_ptr<Controller>
       controller_(std::move(controller)),
       measurements_(map.sensor_messages, map.output_names.size()),
       protectors_(protectors(map.command_messages)),
-      u_(map.input_names.size()) {}
+      u_(map.input_names.size()) {
+  if (map.sync) sync_integrity_ = MessageIntegrity(map.sync->protection);
+}
 
 ControllerNode::ControllerNode(const SignalMap& map, ControlLaw law)
     : ControllerNode(map, std::make_unique<StaticFeedback>(std::move(law))) {}
 
 void ControllerNode::on_frame(const CanFrame& frame, FrameSink& sink) noexcept {
   if (map_->sync && map_->sync->matches(frame)) {
+    if (!is_usable(sync_integrity_.check(frame).status)) return;
     std::int64_t k = 0;
     if (map_->sync->cycle.decode_raw(frame.payload(), k) == CodecStatus::kOk) {
       cycle_ = static_cast<std::uint32_t>(k);

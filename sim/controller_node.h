@@ -37,6 +37,7 @@ class ControllerNode {
 
   const SignalMap* map_;
   std::unique_ptr<Controller> controller_;
+  MessageIntegrity sync_integrity_;
   MessageAssembler measurements_;
   std::vector<MessageProtector> protectors_;  // per command message
   std::uint32_t cycle_ = 0;

@@ -107,8 +107,7 @@ Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
   json["disturbances"] = info_of_perturbations(scenario.disturbances, "disturbance", out);
   json["noises"] = info_of_perturbations(scenario.noises, "noise", out);
   for (const Expectation& expectation : scenario.expectations) {
-    fmt::print(out, "  expects {} {} from {:g} to {:g} s\n", verdict_name(expectation.verdict),
-               fmt::join(expectation.faults, ", "), expectation.from_s, expectation.until_s);
+    fmt::print(out, "  expects {}\n", expectation_words(expectation));
   }
   return json;
 }

@@ -210,6 +210,7 @@ BenchResult BenchRun::finish(std::int64_t utime) {
   }
   RunCounters final_counters = counters_now();
   final_counters.clamped_values = plant.clamped_values() + controller.clamped_values();
+  final_counters.frame_faults = plant_faults.counters() + controller_faults.counters();
   publisher.publish_stats(final_counters, latencies, plant.truth().cycle, utime, true);
   publisher.close();
   const std::chrono::duration<double> wall = steady_clock::now() - start_;

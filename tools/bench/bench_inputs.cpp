@@ -113,21 +113,40 @@ void check_duration(const Scenario& scenario, const Bank& bank) {
                   scenario.duration_s, cycles, bank.sample_time_s, bank.name, kMaxCycles));
 }
 
-void check_expected_faults(const Scenario& scenario, const Bank& bank) {
+/// What one [[expect]] calls by names.
+struct ExpectedNames {
+  const char* key;
+  std::vector<std::string> names;
+};
+
+/// @throws InputError the first that is not one of `known`, which are `what`.
+void check_expected_names(const Scenario& scenario, std::size_t entry, const ExpectedNames& found,
+                          const std::vector<std::string>& known, const std::string& what) {
+  for (const std::string& name : found.names) {
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    const auto near = nearest_name(name, known);
+    throw scenario_error(scenario, "expect", found.key,
+                         fmt::format("{}: found \"{}\", expected {} ({}){}", found.key, name, what,
+                                     fmt::join(known, ", "),
+                                     near ? fmt::format("; did you mean \"{}\"?", *near) : ""),
+                         entry);
+  }
+}
+
+void check_expectations(const Scenario& scenario, const Bank& bank, const SignalMap& map) {
+  std::vector<std::string> messages;
+  for (std::size_t i = 0; i < map.message_count(); ++i) messages.push_back(map.message_name(i));
   for (std::size_t i = 0; i < scenario.expectations.size(); ++i) {
-    for (const std::string& fault : scenario.expectations[i].faults) {
-      if (std::find(bank.fault_names.begin(), bank.fault_names.end(), fault) !=
-          bank.fault_names.end()) {
-        continue;
-      }
-      const auto near = nearest_name(fault, bank.fault_names);
-      throw scenario_error(
-          scenario, "expect", "faults",
-          fmt::format("faults: found \"{}\", expected a fault of bank \"{}\" ({}){}", fault,
-                      bank.name, fmt::join(bank.fault_names, ", "),
-                      near ? fmt::format("; did you mean \"{}\"?", *near) : ""),
-          i);
+    const Expectation& expectation = scenario.expectations[i];
+    ExpectedNames sets{"sets", {}};
+    for (const auto& set : expectation.sets) {
+      sets.names.insert(sets.names.end(), set.begin(), set.end());
     }
+    const std::string fault = fmt::format("a fault of bank \"{}\"", bank.name);
+    check_expected_names(scenario, i, {"faults", expectation.faults}, bank.fault_names, fault);
+    check_expected_names(scenario, i, sets, bank.fault_names, fault);
+    check_expected_names(scenario, i, {"blame", expectation.blamed}, messages,
+                         "a message that carries channels or SYNC");
   }
 }
 
@@ -193,7 +212,7 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
   check_cycles_can_be_told(dbc, inputs.map);
   inputs.bank = load(scenario, inputs.plant, inputs.parts);
   check_bank_fits(scenario, inputs.plant, inputs.bank);
-  check_expected_faults(scenario, inputs.bank);
+  check_expectations(scenario, inputs.bank, inputs.map);
   check_duration(scenario, inputs.bank);
   inputs.make_plant = plant_maker(scenario, inputs.plant, {texts.plant.text, texts.plant_source},
                                   inputs.bank.sample_time_s);

@@ -34,6 +34,22 @@ ChannelMapping read_mapping(TomlTable& signals, const std::string& channel) {
   return mapping;
 }
 
+/// [[expect]], each of which must be possible beside those before it.
+void read_expectations(TomlTable& root, Scenario& scenario) {
+  for (const TomlTable& table : root.tables("expect")) {
+    const Expectation expectation = read_expectation(table, scenario.duration_s);
+    for (std::size_t i = 0; i < scenario.expectations.size(); ++i) {
+      if (!contradict(scenario.expectations[i], expectation)) continue;
+      throw table.error(
+          "from_s", fmt::format("found {}, which contradicts entry {} ({}), expected verdicts that "
+                                "one diagnosis can give where they overlap",
+                                expectation_words(expectation), i + 1,
+                                expectation_words(scenario.expectations[i])));
+    }
+    scenario.expectations.push_back(expectation);
+  }
+}
+
 Scenario scenario_of(TomlTable root, const std::filesystem::path& file) {
   const std::filesystem::path folder = file.parent_path();
   Scenario scenario;
@@ -78,9 +94,7 @@ Scenario scenario_of(TomlTable root, const std::filesystem::path& file) {
   for (const TomlTable& table : root.tables("noise")) {
     scenario.noises.push_back(read_perturbation(table, folder));
   }
-  for (const TomlTable& table : root.tables("expect")) {
-    scenario.expectations.push_back(read_expectation(table, scenario.duration_s));
-  }
+  read_expectations(root, scenario);
   if (auto signals = root.optional_table("signals")) {
     for (const std::string& channel : signals->keys()) {
       scenario.signals.emplace(channel, read_mapping(*signals, channel));

@@ -11,11 +11,11 @@
 #include <Eigen/Core>
 
 #include "diagnosis/model/input_error.h"
-#include "diagnosis/runtime/decision.h"
 #include "drivers/signal/signal_map.h"
 #include "sim/fault.h"
 #include "sim/integration.h"
 #include "sim/perturbation.h"
+#include "tools/bench/expectation.h"
 #include "sim/pid.h"
 #include "sim/reference.h"
 
@@ -68,14 +68,6 @@ struct SimulationSpec {
   std::string model;              ///< a plant in C++ by name; empty: none
   std::filesystem::path library;  ///< a plant in a shared library; empty: none
   std::map<std::string, double, std::less<>> parameters;  ///< of a plant in C++: other values
-};
-
-/// What the diagnosis must answer at every sample from from_s to until_s, both included.
-struct Expectation {
-  double from_s = 0.0;
-  double until_s = 0.0;
-  Verdict verdict = Verdict::kHealthy;
-  std::vector<std::string> faults;  ///< sorted; for verdict isolated
 };
 
 /// A scenario file as written; paths are resolved against its folder.

@@ -11,13 +11,16 @@ namespace faultline {
 // @throws InputError what is wrong in the table.
 
 [[nodiscard]] SimulationSpec read_simulation(TomlTable table, const std::filesystem::path& folder);
+[[nodiscard]] Injection read_injection(TomlTable table, double duration_s);
 [[nodiscard]] ControllerSpec read_controller(TomlTable table, const std::filesystem::path& folder);
 /// [[reference]], which only a controller that follows one may have.
 [[nodiscard]] ReferenceStepSpec read_reference_step(TomlTable table,
                                                     const ControllerSpec& controller);
-[[nodiscard]] Injection read_injection(TomlTable table, double duration_s);
 [[nodiscard]] Perturbation read_perturbation(TomlTable table, const std::filesystem::path& folder);
 [[nodiscard]] Expectation read_expectation(TomlTable table, double duration_s);
+
+/// Whether no verdict can meet both: they overlap in time, and what one allows the other forbids.
+[[nodiscard]] bool contradict(const Expectation& a, const Expectation& b);
 
 /// A number that must be positive.
 [[nodiscard]] double read_positive(TomlTable& table, std::string_view key);

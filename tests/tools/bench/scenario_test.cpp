@@ -1,7 +1,10 @@
 #include "tools/bench/scenario.h"
 
 #include <fstream>
+#include <utility>
+#include <vector>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -191,6 +194,111 @@ TEST_F(ScenarioTest, PointsAtWhatIsWrong) {
       HasSubstr("s.toml:11:"));
   EXPECT_THAT(refusal("[signals]\nu1 = { signal = \"X\", sign = 2 }\n"), HasSubstr("s.toml:8:"));
   EXPECT_THAT(refusal("[signals]\nu1 = { signal = \"X\", scale = 0 }\n"), HasSubstr("s.toml:8:"));
+}
+
+/// [[expect]] from 1 to 2 s with `rest`, on lines 8 to 10 and on.
+std::string expect(const std::string& rest) {
+  return "[[expect]]\nfrom_s = 1\nuntil_s = 2\n" + rest + "\n";
+}
+
+TEST_F(ScenarioTest, ReadsWhatADiagnosisMayBeExpectedToAnswer) {
+  const Scenario scenario = read(expect(R"(verdict = ["isolated", "ambiguous"]
+faults = ["u2", "u1"]
+sets = [["u3", "u2"], ["u1"]]
+within_s = 0.5
+estimate = { u1 = 2, u2 = -1.5 }
+tolerance = { u1 = 0.1, u2 = 0.2 })") +
+                                 R"([[expect]]
+from_s = 0
+until_s = 0.5
+verdict = "healthy"
+no_false_alarm = true
+)");
+  ASSERT_EQ(scenario.expectations.size(), 2U);
+  const Expectation& all = scenario.expectations[0];
+  EXPECT_THAT(all.verdicts, testing::ElementsAre(Verdict::kIsolated, Verdict::kAmbiguous));
+  EXPECT_THAT(all.faults, testing::ElementsAre("u1", "u2"));
+  EXPECT_THAT(all.sets,
+              testing::ElementsAre(testing::ElementsAre("u1"), testing::ElementsAre("u2", "u3")));
+  EXPECT_FALSE(all.may_have_more_sets);
+  EXPECT_EQ(all.within_s, 0.5);
+  ASSERT_EQ(all.estimates.size(), 2U);
+  EXPECT_EQ(all.estimates[1].fault, "u2");
+  EXPECT_EQ(all.estimates[1].value, -1.5);
+  EXPECT_EQ(all.estimates[1].tolerance, 0.2);
+  EXPECT_TRUE(scenario.expectations[1].has_no_false_alarm);
+}
+
+TEST_F(ScenarioTest, LeavesOutTheVerdictWhereTheRestSaysIt) {
+  const Scenario blame = read(expect("blame = \"S\"\nblame_fault = [\"wrong CRC\", \"missing\"]"));
+  EXPECT_THAT(blame.expectations[0].verdicts, testing::ElementsAre(Verdict::kInhibited));
+  EXPECT_THAT(blame.expectations[0].blamed, testing::ElementsAre("S"));
+  EXPECT_EQ(expectation_words(blame.expectations[0]),
+            "1 .. 2 s  inhibited; blamed on S: wrong CRC or missing");
+  const Scenario quiet = read(expect("no_false_alarm = true"));
+  EXPECT_THAT(quiet.expectations[0].verdicts,
+              testing::ElementsAre(Verdict::kHealthy, Verdict::kInhibited));
+  const Scenario sets = read(expect("verdict = \"ambiguous\"\nsets = { includes = [[\"a\"]] }"));
+  EXPECT_TRUE(sets.expectations[0].may_have_more_sets);
+  EXPECT_EQ(expectation_words(sets.expectations[0]), "1 .. 2 s  ambiguous a among others");
+}
+
+TEST_F(ScenarioTest, RefusesWhatNoDiagnosisCanMeet) {
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"faults = [\"u1\"]", "expect, entry 1.verdict: found nothing"},
+      {"verdict = []", "s.toml:10:11: expect, entry 1.verdict: found an empty list"},
+      {"verdict = [\"healthy\", \"isolatd\"]", "did you mean \"isolated\"?"},
+      {"verdict = [\"healthy\", \"healthy\"]", "found \"healthy\" twice"},
+      {"verdict = \"isolated\"", "faults: found nothing"},
+      {"verdict = \"isolated\"\nfaults = [\"u1\", \"u1\"]", "s.toml:11:10: "},
+      {"verdict = \"isolated\"\nfaults = []", "faults: found an empty list"},
+      {"verdict = \"healthy\"\nsets = [[\"a\"], [\"b\"]]", "it goes with \"ambiguous\" only"},
+      {"verdict = \"ambiguous\"\nsets = [[\"a\"]]", "found 1 fault set, expected 2 to 8"},
+      {"verdict = \"ambiguous\"\nsets = [[\"a\"], [\"a\"]]", "found the set a twice"},
+      {"verdict = \"ambiguous\"\nsets = { includs = [[\"a\"]] }", "sets.includes: found nothing"},
+      {"verdict = \"healthy\"\nwithin_s = 1.5",
+       "s.toml:11:12: expect, entry 1.within_s: found 1.5, "
+       "expected at most until_s - from_s = 1"},
+      {"verdict = \"healthy\"\nwithin_s = -1", "s.toml:11:12: "},
+      {"no_false_alarm = true\nwithin_s = 1", "within_s: found it without a verdict"},
+      {"no_false_alarm = true\nverdict = \"unexplained\"", "found \"unexplained\" with no_false"},
+      {"verdict = \"healthy\"\nestimate = { u1 = 1 }\ntolerance = 1", "with \"isolated\" only"},
+      {"verdict = \"isolated\"\nfaults = [\"u1\"]\nestimate = { u2 = 1 }\ntolerance = 1",
+       "s.toml:12:19: expect, entry 1.estimate.u2: found no such name in faults"},
+      {"verdict = \"isolated\"\nfaults = [\"u1\"]\nestimate = { u1 = 1 }",
+       "tolerance: found nothing"},
+      {"verdict = \"isolated\"\nfaults = [\"u1\"]\nestimate = { u1 = 1 }\ntolerance = -1",
+       "s.toml:13:13: "},
+      {"verdict = \"isolated\"\nfaults = [\"u1\"]\nestimate = { }\ntolerance = 1",
+       "estimate: found an empty table"},
+      {"verdict = \"isolated\"\nfaults = [\"u1\"]\ntolerance = 1", "found it without estimate"},
+      {"verdict = \"healthy\"\nblame = \"S\"", "blame: found it with the verdict \"healthy\""},
+      {"blame = \"S\"\nblame_fault = \"wrong crc\"", "did you mean \"wrong CRC\"?"},
+      {"verdict = \"healthy\"\nblame_falt = \"S\"", "unknown key \"blame_falt\""}};
+  for (const auto& [rest, refused] : cases) {
+    EXPECT_THAT(refusal(expect(rest)), HasSubstr(refused)) << rest;
+  }
+}
+
+TEST_F(ScenarioTest, RefusesExpectationsThatContradictEachOther) {
+  const auto isolated = [](const char* fault, const char* more = "") {
+    return expect(fmt::format("verdict = \"isolated\"\nfaults = [\"{}\"]\n{}", fault, more));
+  };
+  const std::string healthy = expect("verdict = \"healthy\"");
+  EXPECT_THAT(refusal(healthy + isolated("a")),
+              HasSubstr("s.toml:12:10: expect, entry 2.from_s: found 1 .. 2 s  isolated a, which "
+                        "contradicts entry 1 (1 .. 2 s  healthy)"));
+  EXPECT_THAT(refusal(isolated("b") + isolated("a")), HasSubstr("contradicts entry 1"));
+  EXPECT_EQ(refusal(isolated("a") + isolated("a")), "accepted");
+  EXPECT_EQ(refusal(healthy + expect("no_false_alarm = true")), "accepted");
+  EXPECT_THAT(refusal(isolated("a") + expect("no_false_alarm = true")), HasSubstr("contradicts"));
+  EXPECT_THAT(refusal(expect("blame = \"A\"") + expect("blame = \"B\"")), HasSubstr("contradicts"));
+  EXPECT_EQ(refusal(expect("blame = [\"A\", \"C\"]") + expect("blame = [\"B\", \"C\"]")),
+            "accepted");
+  // One ends when the other begins: it may, if the second has time.
+  const std::string next = "[[expect]]\nfrom_s = 2\nuntil_s = 3\nverdict = \"inhibited\"\n";
+  EXPECT_THAT(refusal(healthy + next), HasSubstr("contradicts"));
+  EXPECT_EQ(refusal(healthy + next + "within_s = 0.1\n"), "accepted");
 }
 
 }  // namespace
