@@ -33,7 +33,7 @@ Scenario scenario_of(const std::string& rest) { return parse_scenario(kHead + re
 /// Of the flexible joint (4 states, 1 input, outputs y1, y2, y3), or of another example's plant.
 ControllerPlan plan(const std::string& rest, const char* example = "ma2024") {
   return plan_controller(scenario_of(rest), read_plant(kExamples / example / "plant.toml"),
-                         kSampleTime_s);
+                         kSampleTime_s, std::nullopt);
 }
 
 std::string refusal(const std::string& rest, const char* example = "ma2024") {
@@ -175,7 +175,7 @@ TEST(ScenarioController, SaysWhichModeTheOutputsDoNotShow) {
   plant.C = Eigen::MatrixXd::Zero(3, 4);
   plant.C.col(1).setOnes();  // speed alone
   try {
-    static_cast<void>(plan_controller(scenario_of(kObserver), plant, kSampleTime_s));
+    static_cast<void>(plan_controller(scenario_of(kObserver), plant, kSampleTime_s, std::nullopt));
     FAIL();
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("controller: found the mode at 1 per sample"),
@@ -219,13 +219,76 @@ TEST(RunBench, RefusesTheLoopBusWithAnExternalController) {
   }
 }
 
-TEST(Examples, OutputFeedbackMovesTheJointAndItsFaultIsNamed) {
-  const BenchInputs inputs = load_bench_inputs(kExamples / "ma2024" / "output_feedback.toml");
-  BenchOptions options;
-  options.bus = "loop";
-  const BenchResult result = run_bench(inputs, options);
-  EXPECT_FALSE(result.stop_reason);
-  EXPECT_TRUE(result.history.are_expectations_met());
+/// Of the flexible joint by a record.
+ControllerPlan plan_record(const std::string& csv, const std::string& rest = "") {
+  return plan_controller(
+      scenario_of(controller("kind = \"recorded\"\nfile = \"torque.csv\"\n" + rest)),
+      read_plant(kExamples / "ma2024" / "plant.toml"), kSampleTime_s, NamedText{csv, "torque.csv"});
+}
+
+TEST(ScenarioController, TakesCommandsFromARecord) {
+  const ControllerPlan recorded = plan_record("t_s,u1\n0,1\n0.01,2\n10,3\n");
+  EXPECT_TRUE(recorded.warnings.empty());
+  double u = 0.0;
+  const auto commands = recorded.make();
+  commands->command(1, {}, {&u, 1});
+  EXPECT_EQ(u, 2.0);
+  commands->command(1000, {}, {&u, 1});
+  EXPECT_EQ(u, 3.0);
+}
+
+TEST(ScenarioController, SaysWhatIsWrongWithARecord) {
+  const auto refusal = [](const std::string& csv) -> std::string {
+    try {
+      static_cast<void>(plan_record(csv));
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  EXPECT_THAT(refusal("t_s,u2\n0,1\n1,2\n"),
+              AllOf(HasSubstr("torque.csv:1:1: "), HasSubstr("found column \"u2\""),
+                    HasSubstr("did you mean \"u1\"?")));
+  EXPECT_THAT(refusal("t_s,u1\n0,1\n1,x\n"), HasSubstr("torque.csv:3"));
+  const ControllerPlan brief = plan_record("t_s,u1\n0,1\n4,2\n");
+  ASSERT_EQ(brief.warnings.size(), 1U);
+  EXPECT_THAT(brief.warnings[0], HasSubstr("torque.csv ends after 4 s, expected 10 s"));
+}
+
+TEST(ScenarioController, SaysThatARecordIsNotThere) {
+  const Scenario scenario =
+      scenario_of(controller("kind = \"recorded\"\nfile = \"nowhere.csv\"\n"));
+  try {
+    static_cast<void>(read_commands(scenario));
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(),
+                AllOf(HasSubstr("s.toml:9:"), HasSubstr("found no file nowhere.csv")));
+  }
+}
+
+TEST(Examples, MoveTheJointAndNameItsFault) {
+  for (const char* example : {"output_feedback.toml", "recorded.toml"}) {
+    SCOPED_TRACE(example);
+    const BenchInputs inputs = load_bench_inputs(kExamples / "ma2024" / example);
+    BenchOptions options;
+    options.bus = "loop";
+    const BenchResult result = run_bench(inputs, options);
+    EXPECT_FALSE(result.stop_reason);
+    EXPECT_TRUE(result.history.are_expectations_met());
+  }
+}
+
+TEST(Examples, CarryTheirRecordInTheirParts) {
+  const BenchInputs inputs = load_bench_inputs(kExamples / "ma2024" / "recorded.toml");
+  const RunPart* record = find_part(inputs.parts, "commands");
+  ASSERT_NE(record, nullptr);
+  const BenchInputs again = bench_inputs_of_parts(inputs.parts, "run.lcm");
+  double u = 0.0, u_again = 0.0;
+  inputs.make_controller()->command(700, {}, {&u, 1});
+  again.make_controller()->command(700, {}, {&u_again, 1});
+  EXPECT_NE(u, 0.0);
+  EXPECT_EQ(u_again, u);
 }
 
 }  // namespace
