@@ -74,7 +74,7 @@ void ElectricCar::derivative(const double* x, const double* u, const double* p, 
   }
   const double resistance_N =
       kAirDrag_N_s2_m2 * v_x * std::abs(v_x) + kRolling * kWeight_N * direction(v_x);
-  dx[0] = (body.X_N - resistance_N) / kMass_kg + kGravity_m_s2 * d[0] + r * v_y;
+  dx[0] = (body.X_N - resistance_N) / kMass_kg - kGravity_m_s2 * d[0] + r * v_y;
   dx[1] = (body.Y_N + d[1]) / kMass_kg - r * v_x;
   dx[2] = (body.N_Nm + kWindArm_m * d[1]) / kYawInertia_kg_m2;
 }

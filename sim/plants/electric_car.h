@@ -10,7 +10,7 @@ namespace faultline {
 /// An electric car with a motor in each wheel, in the plane: front left, front right, rear left,
 /// rear right. Body axes x forward, y to the left, yaw rate r to the left.
 ///
-///   m (v_x' - r v_y) = Σ F_x - c_d v_x² - c_r m g + m g slope
+///   m (v_x' - r v_y) = Σ F_x - c_d v_x² - c_r m g - m g slope
 ///   m (v_y' + r v_x) = Σ F_y + side_wind
 ///   I_z r'           = Σ (x_i F_y - y_i F_x) + x_w side_wind
 ///   J ω_i'           = T_i - brake_i - R F_i
@@ -72,14 +72,14 @@ struct ElectricCar {
                                                {"brake4", "N m", 0, 20},
                                                {"friction", "", kFriction, 0}};
   static constexpr PlantSignal disturbances[] = {{"slope", "", 0, 0.02},
-                                                 {"side_wind", "N", 0, 200},
-                                                 {"noise_speed", "m/s", 0, 0.01},
-                                                 {"noise_side_speed", "m/s", 0, 0.01},
+                                                 {"side_wind", "N", 0, 500},
+                                                 {"noise_speed", "m/s", 0, 0.005},
+                                                 {"noise_side_speed", "m/s", 0, 0.005},
                                                  {"noise_yaw_rate", "rad/s", 0, 0.001},
-                                                 {"noise_wheel1", "rad/s", 0, 0.02},
-                                                 {"noise_wheel2", "rad/s", 0, 0.02},
-                                                 {"noise_wheel3", "rad/s", 0, 0.02},
-                                                 {"noise_wheel4", "rad/s", 0, 0.02}};
+                                                 {"noise_wheel1", "rad/s", 0, 0.01},
+                                                 {"noise_wheel2", "rad/s", 0, 0.01},
+                                                 {"noise_wheel3", "rad/s", 0, 0.01},
+                                                 {"noise_wheel4", "rad/s", 0, 0.01}};
 
   struct TyreForce {
     double along_N, across_N;
