@@ -128,7 +128,11 @@ Json print_controller(std::FILE* out, const Scenario& scenario) {
     return json;
   }
   const PlantModel plant = read_plant(scenario.plant);
-  print_plan(out, plan_controller(scenario, plant, sample_time_s(scenario)), json);
+  std::optional<NamedText> commands;
+  if (const auto part = read_commands(scenario)) {
+    commands = {part->text, spec.commands.string()};
+  }
+  print_plan(out, plan_controller(scenario, plant, sample_time_s(scenario), commands), json);
   return json;
 }
 

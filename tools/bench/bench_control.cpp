@@ -9,6 +9,7 @@
 #include "diagnosis/model/toml_reader.h"
 #include "sim/observer_feedback.h"
 #include "sim/pid.h"
+#include "sim/recorded_commands.h"
 #include "sim/static_feedback.h"
 #include "tools/bench/bench_parts.h"
 #include "tools/bench/controller_plan.h"
@@ -31,6 +32,7 @@ struct Subject {
   const Scenario& scenario;
   const PlantModel& plant;
   double sample_time_s;
+  const std::optional<NamedText>& commands;
   [[nodiscard]] const ControllerSpec& spec() const { return scenario.controller; }
 };
 
@@ -251,6 +253,40 @@ void plan_pid(const Subject& subject, ControllerPlan& plan) {
   plan.make = maker_of(std::move(law));
 }
 
+/// What the inputs' signals in the record are; every signal must be an input's.
+std::vector<std::optional<std::size_t>> record_columns(const Subject& subject,
+                                                       const RecordedSignal& record) {
+  const std::vector<std::string>& inputs = subject.plant.input_names;
+  std::vector<std::optional<std::size_t>> columns(inputs.size());
+  for (const std::string& name : record.names()) {
+    const auto at = std::find(inputs.begin(), inputs.end(), name);
+    if (at == inputs.end()) {
+      const auto near = nearest_name(name, inputs);
+      throw InputError(record.source(), {1, 1},
+                       fmt::format("found column \"{}\", expected an input of plant \"{}\" ({}){}",
+                                   name, subject.plant.name, fmt::join(inputs, ", "),
+                                   near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
+    }
+    columns[static_cast<std::size_t>(at - inputs.begin())] = record.index_of(name);
+  }
+  return columns;
+}
+
+void plan_record(const Subject& subject, ControllerPlan& plan) {
+  auto record = std::make_shared<const RecordedSignal>(subject.commands.value().text,
+                                                       subject.commands->source);
+  auto columns = record_columns(subject, *record);
+  if (record->length_s() + subject.sample_time_s < subject.scenario.duration_s) {
+    plan.warnings.push_back(
+        fmt::format("controller: {} ends after {:g} s, expected {:g} s: the last commands hold",
+                    record->source(), record->length_s(), subject.scenario.duration_s));
+  }
+  plan.make = [record = std::move(record), columns = std::move(columns), base = make_base(subject),
+               sample_time_s = subject.sample_time_s] {
+    return std::make_unique<RecordedCommands>(record, columns, base, sample_time_s);
+  };
+}
+
 void plan_kind(const Subject& subject, ControllerPlan& plan) {
   switch (subject.spec().kind) {
     case ControllerKind::kLqr:
@@ -261,7 +297,7 @@ void plan_kind(const Subject& subject, ControllerPlan& plan) {
     case ControllerKind::kPid:
       return plan_pid(subject, plan);
     case ControllerKind::kRecorded:
-      return;
+      return plan_record(subject, plan);
     case ControllerKind::kExternal:
       plan.make = [] { return nullptr; };
       return;
@@ -284,11 +320,23 @@ void judge_closed_loop(const Subject& subject, ControllerPlan& plan) {
 
 }  // namespace
 
+std::optional<RunPart> read_commands(const Scenario& scenario) {
+  if (scenario.controller.kind != ControllerKind::kRecorded) return std::nullopt;
+  const std::filesystem::path& file = scenario.controller.commands;
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error)) {
+    throw scenario_error(
+        scenario, "controller", "file",
+        fmt::format("controller.file: found no file {}, expected one", file.string()));
+  }
+  return read_part("commands", file);
+}
+
 ControllerPlan plan_controller(const Scenario& scenario, const PlantModel& plant,
-                               double sample_time_s) {
+                               double sample_time_s, const std::optional<NamedText>& commands) {
   ControllerPlan plan;
   try {
-    const Subject subject{scenario, plant, sample_time_s};
+    const Subject subject{scenario, plant, sample_time_s, commands};
     plan_kind(subject, plan);
     judge_closed_loop(subject, plan);
   } catch (const std::invalid_argument& error) {

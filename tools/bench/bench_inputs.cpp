@@ -195,7 +195,8 @@ void check_mapped_channels(const Scenario& scenario, const PlantModel& plant) {
 /// What a scenario refers to.
 struct ScenarioTexts {
   RunPart plant, dbc;
-  std::string plant_source, dbc_source;  ///< names for messages
+  std::optional<RunPart> commands;                        ///< of a recorded controller
+  std::string plant_source, dbc_source, commands_source;  ///< names for messages
 };
 using BankLoader = std::function<Bank(const Scenario&, const PlantModel&, std::vector<RunPart>&)>;
 
@@ -210,6 +211,7 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
     inputs.parts.push_back(include_part(include));
   }
   inputs.parts.insert(inputs.parts.end(), {texts.plant, texts.dbc});
+  if (texts.commands) inputs.parts.push_back(*texts.commands);
   check_mapped_channels(scenario, inputs.plant);
   inputs.map = map_signals(scenario, dbc, inputs.plant);
   check_cycles_can_be_told(dbc, inputs.map);
@@ -221,7 +223,10 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
                                   inputs.bank.sample_time_s);
   inputs.x_initial = initial_state(scenario, inputs.plant);
   make_schedules(inputs, scenario);
-  ControllerPlan controller = plan_controller(scenario, inputs.plant, inputs.bank.sample_time_s);
+  std::optional<NamedText> commands;
+  if (texts.commands) commands = {texts.commands->text, texts.commands_source};
+  ControllerPlan controller =
+      plan_controller(scenario, inputs.plant, inputs.bank.sample_time_s, commands);
   inputs.make_controller = std::move(controller.make);
   inputs.warnings = std::move(controller.warnings);
   inputs.dbc_warnings = warnings_of(dbc);
@@ -257,6 +262,8 @@ BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
   texts.plant_source = scenario.plant.string();
   texts.dbc = read_part("dbc", require_file(scenario, "dbc", scenario.dbc));
   texts.dbc_source = scenario.dbc.string();
+  texts.commands = read_commands(scenario);
+  texts.commands_source = scenario.controller.commands.string();
   return fit_together(std::move(scenario), texts, load_bank);
 }
 
@@ -272,8 +279,13 @@ BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts, const std::
     scenario.plant = source(plant);
     scenario.dbc = source(dbc);
     scenario.bank = source(bank);
+    ScenarioTexts texts{plant, dbc, std::nullopt, source(plant), source(dbc), ""};
+    if (scenario.controller.kind == ControllerKind::kRecorded) {
+      texts.commands = require_part(parts, "commands", log);
+      texts.commands_source = source(*texts.commands);
+    }
     inputs = fit_together(
-        std::move(scenario), {plant, dbc, source(plant), source(dbc)},
+        std::move(scenario), texts,
         [&](const Scenario&, const PlantModel&, std::vector<RunPart>&) { return load_bank(); });
   } else {
     static_cast<DiagnosisInputs&>(inputs) = make_diagnosis_inputs(load_bank(), dbc, source(dbc));

@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 
 #include "sim/control_design.h"
-#include "tools/bench/bench_inputs.h"
+#include "tools/bench/bench_parts.h"
 
 namespace faultline {
 
@@ -23,10 +23,16 @@ struct ControllerPlan {
   std::vector<std::string> warnings;
 };
 
+/// The CSV file of a controller of kind recorded; of other kinds nothing.
+/// @throws InputError it is not there; std::system_error it cannot be read.
+[[nodiscard]] std::optional<RunPart> read_commands(const Scenario& scenario);
+
 /// @param plant the scenario's
+/// @param commands the record of kind recorded
 /// @throws InputError wrong shapes, unknown channels, a reference that the plant cannot hold, a
 /// plant that the kind cannot control; with the place in the scenario.
 [[nodiscard]] ControllerPlan plan_controller(const Scenario& scenario, const PlantModel& plant,
-                                             double sample_time_s);
+                                             double sample_time_s,
+                                             const std::optional<NamedText>& commands);
 
 }  // namespace faultline

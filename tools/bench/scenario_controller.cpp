@@ -20,7 +20,7 @@ constexpr std::array<std::pair<ControllerKind, std::string_view>, 7> kKinds{
 
 ControllerKind read_kind(TomlTable& table) {
   const std::string name =
-      table.choice("kind", {"lqr", "gain", "observer", "pid", "external", "none"});
+      table.choice("kind", {"lqr", "gain", "observer", "pid", "recorded", "external", "none"});
   for (const auto& [kind, known] : kKinds) {
     if (known == name) return kind;
   }
