@@ -38,7 +38,7 @@ const std::map<std::string, OverrunPolicy> kOverrunPolicies{{"catch-up", Overrun
                                                             {"stop", OverrunPolicy::kStop}};
 
 struct RunArguments {
-  std::string scenario, bus, log, json, lcm_url;
+  std::string scenario, plant_library, bus, log, json, lcm_url;
   double log_split_MB = 0.0, log_split_s = 0.0;
   std::size_t log_keep = 0;
   bool is_realtime = false;
@@ -124,7 +124,7 @@ LogSplit log_split(const RunArguments& arguments) {
 }
 
 int run(const RunArguments& arguments) {
-  BenchInputs inputs = load_bench_inputs(arguments.scenario);
+  BenchInputs inputs = load_bench_inputs(arguments.scenario, arguments.plant_library);
   BenchOptions options;
   options.bus = arguments.bus.empty() ? inputs.scenario.bus : arguments.bus;
   options.is_realtime = arguments.is_realtime;
@@ -170,6 +170,9 @@ void add_run_command(CLI::App& program, int& exit_code) {
   command->add_option("SCENARIO", arguments->scenario, "Scenario file (.toml)")
       ->required()
       ->check(CLI::ExistingFile);
+  command->add_option(
+      "--plant-lib", arguments->plant_library,
+      "Simulate the plant in this shared library (my.so), whatever the scenario says");
   command->add_option("--bus", arguments->bus,
                       fmt::format("{}; default: the scenario's, else loop", kBusNamesHelp));
   auto* realtime = command->add_flag(
