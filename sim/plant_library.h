@@ -11,7 +11,7 @@ namespace faultline {
 /// What is wrong with a plant's table or with the library that it should be in.
 class PlantLibraryError : public std::invalid_argument {
  public:
-  using std::invalid_argument::runtime_error;
+  using std::invalid_argument::invalid_argument;
 };
 
 /// Checks what a table says, all but its functions' values.

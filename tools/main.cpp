@@ -44,6 +44,7 @@ int run_program(int argc, char** argv) {
   add_design_command(program, exit_code);
   add_check_command(program, exit_code);
   add_info_command(program, exit_code);
+  add_linearise_command(program, exit_code);
   add_log_command(program, exit_code);
   add_can_command(program, exit_code);
   add_decode_command(program, exit_code);

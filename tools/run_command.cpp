@@ -44,7 +44,7 @@ const std::map<std::string, OverrunPolicy> kOverrunPolicies{{"catch-up", Overrun
 
 struct RunArguments {
   std::vector<std::string> scenarios;
-  std::string bus, log, log_folder, json, junit, lcm_url;
+  std::string plant_library, bus, log, log_folder, json, junit, lcm_url;
   double log_split_MB = 0.0, log_split_s = 0.0;
   std::size_t log_keep = 0;
   bool is_realtime = false;
@@ -156,7 +156,7 @@ BenchOptions bench_options(const RunArguments& arguments, BenchInputs& inputs) {
 }
 
 int run_one(const RunArguments& arguments, ScenarioOutcome& outcome) {
-  BenchInputs inputs = load_bench_inputs(arguments.scenarios.front());
+  BenchInputs inputs = load_bench_inputs(arguments.scenarios.front(), arguments.plant_library);
   BenchOptions options = bench_options(arguments, inputs);
   std::set<std::string> taken;
   if (!arguments.log.empty()) {
@@ -236,6 +236,10 @@ int run(const RunArguments& arguments) {
   static_cast<void>(log_split(arguments));
   const bool is_one = arguments.scenarios.size() == 1 &&
                       !std::filesystem::is_directory(arguments.scenarios.front());
+  if (!is_one && !arguments.plant_library.empty()) {
+    throw std::invalid_argument(
+        "--plant-lib: found it with several scenarios, expected one: each has a plant of its own");
+  }
   return is_one ? run_one(arguments) : run_several(arguments);
 }
 
@@ -251,6 +255,9 @@ void add_run_command(CLI::App& program, int& exit_code) {
                    "run one after the other and give one table")
       ->required()
       ->check(CLI::ExistingPath);
+  command->add_option(
+      "--plant-lib", arguments->plant_library,
+      "Simulate the plant in this shared library (my.so), whatever the scenario says");
   command->add_option("--bus", arguments->bus,
                       fmt::format("{}; default: the scenario's, else loop", kBusNamesHelp));
   auto* realtime = command->add_flag(

@@ -192,6 +192,16 @@ void check_mapped_channels(const Scenario& scenario, const PlantModel& plant) {
   }
 }
 
+/// The part of RUN that says which library the command line named.
+constexpr char kPlantLibraryPart[] = "plant_library";
+
+void override_plant(Scenario& scenario, const std::filesystem::path& library) {
+  SimulationSpec& simulation = scenario.simulation;
+  simulation.model.clear();
+  simulation.library = library;
+  simulation.is_library_override = true;
+}
+
 /// What a scenario refers to.
 struct ScenarioTexts {
   RunPart plant, dbc;
@@ -255,8 +265,10 @@ PlantModel read_requested_plant(const BankRequest& request) {
   return read_plant(request.plant);
 }
 
-BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
+BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file,
+                              const std::filesystem::path& plant_library) {
   Scenario scenario = read_scenario(scenario_file);
+  if (!plant_library.empty()) override_plant(scenario, plant_library);
   ScenarioTexts texts;
   texts.plant = read_part("plant", require_file(scenario, "plant", scenario.plant));
   texts.plant_source = scenario.plant.string();
@@ -264,7 +276,12 @@ BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
   texts.dbc_source = scenario.dbc.string();
   texts.commands = read_commands(scenario);
   texts.commands_source = scenario.controller.commands.string();
-  return fit_together(std::move(scenario), texts, load_bank);
+  BenchInputs inputs = fit_together(std::move(scenario), texts, load_bank);
+  if (!plant_library.empty()) {
+    inputs.parts.push_back(
+        {kPlantLibraryPart, plant_library.filename().string(), plant_library.string()});
+  }
+  return inputs;
 }
 
 BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts, const std::string& log) {
@@ -276,6 +293,10 @@ BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts, const std::
   if (const RunPart* text = find_part(parts, "scenario")) {
     const RunPart& plant = require_part(parts, "plant", log);
     Scenario scenario = parse_scenario(text->text, source(*text), included_texts(parts));
+    if (const RunPart* library = find_part(parts, kPlantLibraryPart)) {
+      override_plant(scenario, library->text);
+    }
+    scenario.simulation.is_library_at_hand = false;
     scenario.plant = source(plant);
     scenario.dbc = source(dbc);
     scenario.bank = source(bank);

@@ -50,7 +50,11 @@ class NotSolvable : public std::runtime_error {
 /// digest in $XDG_CACHE_HOME/faultline (or ~/.cache/faultline).
 /// @throws InputError, DbcError, BankFileError, SignalMapError bad input; NotSolvable;
 /// @throws std::system_error a file cannot be read.
-[[nodiscard]] BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file);
+/// @param plant_library simulated instead of what the scenario says, unless empty. RUN says so
+/// (part
+///   "plant_library"), so that a replay knows that it has not got the plant.
+[[nodiscard]] BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file,
+                                            const std::filesystem::path& plant_library = {});
 
 /// The same from the parts that a log carries (scenario, plant, dbc, bank); `log` is its name, for
 /// messages. Without a scenario (a diagnosis of nothing but a bank and a DBC) only what

@@ -16,7 +16,9 @@ struct NamedText {
   std::string text, source;
 };
 
-/// The plant that is simulated, at its operating point each time it is made.
+/// The plant that is simulated, at its operating point each time it is made; empty where its
+/// library is not at hand (a replay). A library stays loaded as long as the maker: it must outlive
+/// the plants.
 [[nodiscard]] PlantMaker plant_maker(const Scenario& scenario, const PlantModel& plant,
                                      const NamedText& plant_file, double sample_time_s);
 /// Absolute; of the simulated plant.

@@ -5,7 +5,10 @@
 #include <fmt/ranges.h>
 
 #include "diagnosis/model/toml_reader.h"
+#include "sim/equation_plant.h"
 #include "sim/model_plant.h"
+#include "sim/plant_library.h"
+#include "sim/plants/catalogue.h"
 #include "tools/bench/bench_parts.h"
 
 namespace faultline {
@@ -44,10 +47,51 @@ Eigen::VectorXd named_initial_state(const Scenario& scenario, const PlantModel& 
   return x;
 }
 
+using TablePointer = std::shared_ptr<const faultline_plant_table>;
+
+// The plant in C++ that the scenario names; the library stays loaded as long as somebody holds it.
+TablePointer open_table(const Scenario& scenario) {
+  const SimulationSpec& simulation = scenario.simulation;
+  const bool is_library = !simulation.library.empty();
+  try {
+    if (is_library) return load_plant_library(simulation.library);
+    return {std::shared_ptr<void>(), &catalogue_plant(simulation.model)};
+  } catch (const std::invalid_argument& error) {
+    // The command line may have named the library: then the scenario has no place to point at.
+    if (is_library && simulation.is_library_override) throw;
+    const char* key = is_library ? "library" : "model";
+    throw scenario_error(scenario, "simulation", key,
+                         fmt::format("simulation.{}: {}", key, error.what()));
+  }
+}
+
+PlantMaker equation_plant_maker(const Scenario& scenario, const PlantModel& plant,
+                                double sample_time_s) {
+  const TablePointer table = open_table(scenario);
+  const Integration integration = scenario.simulation.integration;
+  const PlantParameters parameters = scenario.simulation.parameters;
+  PlantMaker make = [table, plant, sample_time_s, integration, parameters] {
+    return std::make_unique<EquationPlant>(*table, plant, sample_time_s, integration, parameters);
+  };
+  try {
+    static_cast<void>(make());
+  } catch (const std::invalid_argument& error) {
+    const bool has_table = !scenario.simulation.is_library_override;
+    throw scenario_error(scenario, has_table ? "simulation" : "", has_table ? "" : "plant",
+                         fmt::format("simulation.{}", error.what()));
+  }
+  return make;
+}
+
 }  // namespace
 
 PlantMaker plant_maker(const Scenario& scenario, const PlantModel& plant,
                        const NamedText& plant_file, double sample_time_s) {
+  const SimulationSpec& simulation = scenario.simulation;
+  if (!simulation.library.empty() && !simulation.is_library_at_hand) return {};
+  if (!simulation.library.empty() || !simulation.model.empty()) {
+    return equation_plant_maker(scenario, plant, sample_time_s);
+  }
   check_plant_can_run(scenario, plant, plant_file, sample_time_s);
   const Integration integration = scenario.simulation.integration;
   return [plant, sample_time_s, integration] {

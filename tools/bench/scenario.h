@@ -70,6 +70,9 @@ struct SimulationSpec {
   std::string model;              ///< a plant in C++ by name; empty: none
   std::filesystem::path library;  ///< a plant in a shared library; empty: none
   std::map<std::string, double, std::less<>> parameters;  ///< of a plant in C++: other values
+  /// False in a replay: what a log names is not loaded, and the log has what it did.
+  bool is_library_at_hand = true;
+  bool is_library_override = false;  ///< the command line named the library, not the scenario
 };
 
 /// A scenario file as written; paths are resolved against its folder.
