@@ -73,13 +73,13 @@ struct ElectricCar {
                                                {"friction", "", kFriction, 0}};
   static constexpr PlantSignal disturbances[] = {{"slope", "", 0, 0.02},
                                                  {"side_wind", "N", 0, 500},
-                                                 {"noise_speed", "m/s", 0, 0.005},
-                                                 {"noise_side_speed", "m/s", 0, 0.005},
-                                                 {"noise_yaw_rate", "rad/s", 0, 0.001},
-                                                 {"noise_wheel1", "rad/s", 0, 0.01},
-                                                 {"noise_wheel2", "rad/s", 0, 0.01},
-                                                 {"noise_wheel3", "rad/s", 0, 0.01},
-                                                 {"noise_wheel4", "rad/s", 0, 0.01}};
+                                                 {"noise_speed", "m/s", 0, 0.004},
+                                                 {"noise_side_speed", "m/s", 0, 0.004},
+                                                 {"noise_yaw_rate", "rad/s", 0, 0.0008},
+                                                 {"noise_wheel1", "rad/s", 0, 0.008},
+                                                 {"noise_wheel2", "rad/s", 0, 0.008},
+                                                 {"noise_wheel3", "rad/s", 0, 0.008},
+                                                 {"noise_wheel4", "rad/s", 0, 0.008}};
 
   struct TyreForce {
     double along_N, across_N;
