@@ -1,5 +1,6 @@
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -62,14 +63,39 @@ Json info_of_request(const std::filesystem::path& file, std::FILE* out) {
           {"concurrent", request.concurrent}, {"sample_time_s", request.sample_time_s}};
 }
 
+/// What an entry does besides its kind: " 0.1", " at its bound", " sigma 0.2, 1 to 5 Hz", ..
+std::string perturbation_words(const Perturbation& perturbation) {
+  using enum PerturbationKind;
+  const auto or_else = [](const std::optional<double>& number, const char* words) {
+    return number ? fmt::format("{:g}", *number) : std::string(words);
+  };
+  switch (perturbation.kind) {
+    case kGaussian:
+      return "sigma " + or_else(perturbation.sigma, "of the plant file");
+    case kBandLimited:
+      return fmt::format("sigma {}, {:g} to {:g} Hz",
+                         or_else(perturbation.sigma, "of the plant file"), perturbation.from_Hz,
+                         perturbation.to_Hz);
+    case kRecorded:
+      return fmt::format("{} times {} of {}{}", or_else(perturbation.size, "1"),
+                         perturbation.column.empty() ? "its column" : perturbation.column,
+                         perturbation.file.string(),
+                         perturbation.is_repeated ? ", again and again" : "");
+    case kSinusoid:
+      return fmt::format("{}, {:g} Hz", or_else(perturbation.size, "at its bound"),
+                         perturbation.frequency_Hz);
+    default:
+      return or_else(perturbation.size, "at its bound");
+  }
+}
+
 /// [[disturbance]] or [[noise]], as `what` says.
 Json info_of_perturbations(const std::vector<Perturbation>& perturbations, const char* what,
                            std::FILE* out) {
   Json json = Json::array();
   for (const Perturbation& perturbation : perturbations) {
     fmt::print(out, "  {} {} {} {} from {:g} s{}\n", what, perturbation.target,
-               perturbation_kind_name(perturbation.kind),
-               perturbation.size ? fmt::format("{:g}", *perturbation.size) : "at its bound",
+               perturbation_kind_name(perturbation.kind), perturbation_words(perturbation),
                perturbation.at_s,
                perturbation.until_s ? fmt::format(" until {:g} s", *perturbation.until_s) : "");
     json.push_back({{"target", perturbation.target},
@@ -77,6 +103,49 @@ Json info_of_perturbations(const std::vector<Perturbation>& perturbations, const
                     {"size", perturbation.size ? Json(*perturbation.size) : Json(nullptr)},
                     {"at_s", perturbation.at_s}});
   }
+  return json;
+}
+
+/// What an entry of the timeline has besides target, kind and value.
+std::string timeline_words(const Injection& injection) {
+  std::string words = fmt::format(" from {:g} s", injection.at_s);
+  const auto append = [&words](bool is_there, const std::string& text) {
+    if (is_there) words += text;
+  };
+  append(injection.until_s.has_value(),
+         fmt::format(" until {:g} s", injection.until_s.value_or(0)));
+  append(injection.ramp_s > 0.0, fmt::format(", over {:g} s", injection.ramp_s));
+  append(injection.period_s.has_value(),
+         fmt::format(", in the first half of every {:g} s", injection.period_s.value_or(0)));
+  append(injection.spread_s > 0.0, fmt::format(", up to {:g} s later", injection.spread_s));
+  append(injection.probability < 1.0,
+         fmt::format(", in {:g} % of the cycles", 100.0 * injection.probability));
+  append(injection.frequency_Hz > 0.0, fmt::format(", {:g} Hz", injection.frequency_Hz));
+  append(!injection.with.empty(), " with " + injection.with);
+  return words;
+}
+
+Json info_of_injection(const Injection& injection, std::FILE* out) {
+  fmt::print(out, "  fault {:<8} {}{}{}\n", injection.target, injection_kind_name(injection.kind),
+             injection.value ? fmt::format(" {:g}", *injection.value) : "",
+             timeline_words(injection));
+  const auto or_null = [](const std::optional<double>& number) {
+    return number ? Json(*number) : Json(nullptr);
+  };
+  Json json{{"target", injection.target},
+            {"kind", injection_kind_name(injection.kind)},
+            {"value", or_null(injection.value)},
+            {"at_s", injection.at_s},
+            {"until_s", or_null(injection.until_s)},
+            {"ramp_s", injection.ramp_s},
+            {"period_s", or_null(injection.period_s)},
+            {"spread_s", injection.spread_s},
+            {"probability", injection.probability}};
+  if (injection.kind == InjectionKind::kSinusoid) {
+    json["frequency_Hz"] = injection.frequency_Hz;
+    json["phase_rad"] = injection.phase_rad;
+  }
+  if (!injection.with.empty()) json["with"] = injection.with;
   return json;
 }
 
@@ -95,14 +164,7 @@ Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
             {"expectations", scenario.expectations.size()}};
   json["controller"] = print_controller(out, scenario);
   for (const Injection& injection : scenario.injections) {
-    fmt::print(out, "  fault {:<8} {}{} from {:g} s{}\n", injection.target,
-               injection_kind_name(injection.kind),
-               injection.value ? fmt::format(" {:g}", *injection.value) : "", injection.at_s,
-               injection.until_s ? fmt::format(" until {:g} s", *injection.until_s) : "");
-    json["faults"].push_back({{"target", injection.target},
-                              {"kind", injection_kind_name(injection.kind)},
-                              {"value", injection.value ? Json(*injection.value) : Json(nullptr)},
-                              {"at_s", injection.at_s}});
+    json["faults"].push_back(info_of_injection(injection, out));
   }
   json["disturbances"] = info_of_perturbations(scenario.disturbances, "disturbance", out);
   json["noises"] = info_of_perturbations(scenario.noises, "noise", out);

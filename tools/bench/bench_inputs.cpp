@@ -196,6 +196,7 @@ void check_mapped_channels(const Scenario& scenario, const PlantModel& plant) {
 struct ScenarioTexts {
   RunPart plant, dbc;
   std::string plant_source, dbc_source;  ///< names for messages
+  std::vector<RunPart> data;             ///< records that a log carries
 };
 using BankLoader = std::function<Bank(const Scenario&, const PlantModel&, std::vector<RunPart>&)>;
 
@@ -207,6 +208,7 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
   const DbcDatabase dbc = parse_whole_dbc(texts.dbc.text, texts.dbc_source);
   inputs.parts = {
       {"scenario", scenario.file.filename().string(), scenario.text}, texts.plant, texts.dbc};
+  inputs.parts.insert(inputs.parts.end(), texts.data.begin(), texts.data.end());
   check_mapped_channels(scenario, inputs.plant);
   inputs.map = map_signals(scenario, dbc, inputs.plant);
   check_cycles_can_be_told(dbc, inputs.map);
@@ -233,6 +235,14 @@ const RunPart& require_part(const std::vector<RunPart>& parts, std::string_view 
                    fmt::format("RUN: found no whole part \"{}\", expected one: the log does not "
                                "carry what the run was made from",
                                name));
+}
+
+/// The records among the parts of a log: data_text takes them from there.
+std::vector<RunPart> data_of(const std::vector<RunPart>& parts) {
+  std::vector<RunPart> data;
+  std::copy_if(parts.begin(), parts.end(), std::back_inserter(data),
+               [](const RunPart& part) { return part.part.starts_with("data:"); });
+  return data;
 }
 
 }  // namespace
@@ -270,7 +280,7 @@ BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts, const std::
     scenario.dbc = source(dbc);
     scenario.bank = source(bank);
     inputs = fit_together(
-        std::move(scenario), {plant, dbc, source(plant), source(dbc)},
+        std::move(scenario), {plant, dbc, source(plant), source(dbc), data_of(parts)},
         [&](const Scenario&, const PlantModel&, std::vector<RunPart>&) { return load_bank(); });
   } else {
     static_cast<DiagnosisInputs&>(inputs) = make_diagnosis_inputs(load_bank(), dbc, source(dbc));
