@@ -86,8 +86,9 @@ NamedText data_text(BenchInputs& inputs, const Scenario& scenario,
   if (const RunPart* logged = find_part(inputs.parts, part)) {
     return {logged->text, file.string()};
   }
-  inputs.parts.push_back(read_part(part.c_str(), file));
-  return {inputs.parts.back().text, file.string()};
+  // In front: who reads a log looks for parts no further than to the last of the bench's own.
+  inputs.parts.insert(inputs.parts.begin(), read_part(part.c_str(), file));
+  return {inputs.parts.front().text, file.string()};
 }
 
 void make_schedules(BenchInputs& inputs, const Scenario& scenario) {

@@ -49,14 +49,15 @@ TEST_P(FaultExamples, AreDiagnosedAsTheySay) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(All, FaultExamples, testing::ValuesIn(fault_examples()),
-                         [](const auto& info) {
-                           std::string name = info.param;
-                           std::replace(name.begin(), name.end(), '/', '_');
-                           return name;
-                         });
+std::string test_name(const testing::TestParamInfo<std::string>& example) {
+  std::string words = example.param;
+  std::replace(words.begin(), words.end(), '/', '_');
+  return words;
+}
 
-TEST(FaultExamples, ShowEveryKindOfThePlantLevel) {
+INSTANTIATE_TEST_SUITE_P(All, FaultExamples, testing::ValuesIn(fault_examples()), test_name);
+
+TEST(FaultExampleFolders, ShowEveryKindOfThePlantLevel) {
   std::set<InjectionKind> shown;
   for (const std::string& name : fault_examples()) {
     const Scenario scenario = read_scenario(file_of(name));
