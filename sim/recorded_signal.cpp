@@ -163,6 +163,14 @@ std::size_t RecordedSignal::index_of(std::string_view name) const {
                                near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
 }
 
+double RecordedSignal::largest(std::size_t index) const noexcept {
+  double largest = 0.0;
+  for (std::size_t row = 0; row < times_.size(); ++row) {
+    largest = std::max(largest, std::abs(cell(row, index)));
+  }
+  return largest;
+}
+
 std::size_t RecordedSignal::row_before(double t_s) const noexcept {
   // Where it would be if all steps were equal; mostly they are.
   const double share = (t_s - times_.front()) / length_s();

@@ -38,6 +38,8 @@ class RecordedSignal {
   [[nodiscard]] std::size_t index_of(std::string_view name) const;
   /// From the first row to the last.
   [[nodiscard]] double length_s() const noexcept { return times_.back() - times_.front(); }
+  /// Of the magnitudes of signal `index`.
+  [[nodiscard]] double largest(std::size_t index) const noexcept;
   [[nodiscard]] const std::string& source() const noexcept { return source_; }
 
   /// Signal `index` at `since_s` after the first row. Behind the last row it stays there, or

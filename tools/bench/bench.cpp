@@ -77,10 +77,11 @@ BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
     injection_.emplace(*options.lcm_url, schedule, inputs.bank.sample_time_s);
   }
   publisher.publish_parts(start_utime_);
-  publisher.publish_event(-1, "info", "bench",
-                          fmt::format("{} on {}, {}", inputs.scenario.name, options.bus,
-                                      options.is_realtime ? "in real time" : "in lock-step"),
-                          start_utime_);
+  publisher.publish_event(
+      -1, "info", "bench",
+      fmt::format("{} on {}, {}, seed {}", inputs.scenario.name, options.bus,
+                  options.is_realtime ? "in real time" : "in lock-step", inputs.scenario.seed),
+      start_utime_);
   for (const std::string& warning : inputs.warnings) {
     publisher.publish_event(-1, "warning", "bench", warning, start_utime_);
   }

@@ -207,6 +207,7 @@ struct ScenarioTexts {
   RunPart plant, dbc;
   std::optional<RunPart> commands;                        ///< of a recorded controller
   std::string plant_source, dbc_source, commands_source;  ///< names for messages
+  std::vector<RunPart> data;  ///< records that a log carries
 };
 using BankLoader = std::function<Bank(const Scenario&, const PlantModel&, std::vector<RunPart>&)>;
 
@@ -222,6 +223,7 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
   }
   inputs.parts.insert(inputs.parts.end(), {texts.plant, texts.dbc});
   if (texts.commands) inputs.parts.push_back(*texts.commands);
+  inputs.parts.insert(inputs.parts.end(), texts.data.begin(), texts.data.end());
   check_mapped_channels(scenario, inputs.plant);
   inputs.map = map_signals(scenario, dbc, inputs.plant);
   check_cycles_can_be_told(dbc, inputs.map);
@@ -251,6 +253,14 @@ const RunPart& require_part(const std::vector<RunPart>& parts, std::string_view 
                    fmt::format("RUN: found no whole part \"{}\", expected one: the log does not "
                                "carry what the run was made from",
                                name));
+}
+
+/// The records among the parts of a log: data_text takes them from there.
+std::vector<RunPart> data_of(const std::vector<RunPart>& parts) {
+  std::vector<RunPart> data;
+  std::copy_if(parts.begin(), parts.end(), std::back_inserter(data),
+               [](const RunPart& part) { return part.part.starts_with("data:"); });
+  return data;
 }
 
 }  // namespace
@@ -300,7 +310,7 @@ BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts, const std::
     scenario.plant = source(plant);
     scenario.dbc = source(dbc);
     scenario.bank = source(bank);
-    ScenarioTexts texts{plant, dbc, std::nullopt, source(plant), source(dbc), ""};
+    ScenarioTexts texts{plant, dbc, std::nullopt, source(plant), source(dbc), "", data_of(parts)};
     if (scenario.controller.kind == ControllerKind::kRecorded) {
       texts.commands = require_part(parts, "commands", log);
       texts.commands_source = source(*texts.commands);

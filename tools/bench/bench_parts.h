@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -23,6 +24,12 @@ struct NamedText {
                                      const NamedText& plant_file, double sample_time_s);
 /// Absolute; of the simulated plant.
 [[nodiscard]] Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant);
+
+/// The text of a data file that the scenario names under a key: that of the part "data:NAME" where
+/// the run has one (it comes from a log), else what the file holds, which becomes this part. NAME
+/// is the path as the scenario writes it. @throws std::system_error it cannot be read.
+[[nodiscard]] NamedText data_text(BenchInputs& inputs, const Scenario& scenario,
+                                  const std::filesystem::path& file);
 
 /// All that happens to the plant besides its commands: `schedule` and `perturbations` of `inputs`,
 /// whose plant, map and make_plant are there.

@@ -25,6 +25,29 @@ void read_sinusoid(TomlTable& table, Sinusoid& entry) {
   entry.phase_rad = table.optional_number("phase_rad").value_or(0.0);
 }
 
+void read_band(TomlTable& table, Perturbation& perturbation) {
+  perturbation.from_Hz = table.number("from_Hz");
+  perturbation.to_Hz = table.number("to_Hz");
+  if (perturbation.from_Hz < 0.0) {
+    throw table.error("from_Hz",
+                      fmt::format("found {}, expected zero or more", perturbation.from_Hz));
+  }
+  if (perturbation.to_Hz <= perturbation.from_Hz) {
+    throw table.error("to_Hz", fmt::format("found {}, expected more than from_Hz = {}",
+                                           perturbation.to_Hz, perturbation.from_Hz));
+  }
+}
+
+void read_record(TomlTable& table, const std::filesystem::path& folder,
+                 Perturbation& perturbation) {
+  perturbation.file = folder / table.string("file");
+  perturbation.column = table.optional_string("column").value_or("");
+  perturbation.is_repeated = table.optional_boolean("repeat").value_or(false);
+  if (table.has("between") && table.choice("between", {"linear", "hold"}) == "hold") {
+    perturbation.between = RecordedSignal::Between::kHold;
+  }
+}
+
 InjectionKind read_injection_kind(TomlTable& table) {
   const std::string name = table.string("kind");
   if (const auto kind = find_injection_kind(name)) return *kind;
@@ -77,21 +100,27 @@ Injection read_injection(TomlTable table, double duration_s) {
   return injection;
 }
 
-Perturbation read_perturbation(TomlTable table, const std::filesystem::path& /*folder*/) {
+Perturbation read_perturbation(TomlTable table, const std::filesystem::path& folder) {
+  using enum PerturbationKind;
   Perturbation perturbation;
   perturbation.target = table.string("target");
-  const std::string kind = table.choice("kind", {"uniform", "constant", "sinusoid"});
-  if (kind == "constant") perturbation.kind = PerturbationKind::kConstant;
-  if (kind == "sinusoid") {
-    perturbation.kind = PerturbationKind::kSinusoid;
-    read_sinusoid(table, perturbation);
+  const std::string kind = table.choice(
+      "kind", {"uniform", "constant", "sinusoid", "gaussian", "band_limited", "recorded"});
+  for (const PerturbationKind one :
+       {kUniform, kConstant, kSinusoid, kGaussian, kBandLimited, kRecorded}) {
+    if (kind == perturbation_kind_name(one)) perturbation.kind = one;
   }
-  // A constant may have either sign; of the others the sign says nothing.
-  if (perturbation.kind == PerturbationKind::kConstant) {
+  if (perturbation.kind == kSinusoid) read_sinusoid(table, perturbation);
+  if (perturbation.kind == kGaussian || perturbation.kind == kBandLimited) {
+    if (table.has("sigma")) perturbation.sigma = read_positive(table, "sigma");
+    if (perturbation.kind == kBandLimited) read_band(table, perturbation);
+  } else if (perturbation.kind == kConstant || perturbation.kind == kRecorded) {
+    // These may have either sign; of the others the sign says nothing.
     perturbation.size = table.optional_number("size");
   } else if (table.has("size")) {
     perturbation.size = read_positive(table, "size");
   }
+  if (perturbation.kind == kRecorded) read_record(table, folder, perturbation);
   perturbation.at_s = require_time(table, "at_s", table.optional_number("at_s").value_or(0.0));
   read_end(table, perturbation);
   return perturbation;
