@@ -5,6 +5,10 @@
 
 namespace faultline {
 
+/// A control law with memory carries it over so many missing cycles at most, as the sampler of the
+/// diagnosis does (Sampler::kMaxGap); beyond, it begins anew.
+inline constexpr std::int32_t kMaxMissingCycles = 100;
+
 /// A control law: what is commanded for a measurement. Absolute values. Owns its memory of the
 /// past.
 class Controller {

@@ -28,6 +28,7 @@ void ControllerNode::on_frame(const CanFrame& frame, FrameSink& sink) noexcept {
   const auto completed = measurements_.push(frame, cycle_);
   if (!completed) return;
   cycle_ = *completed;
+  if (!controller_) return;
   answer(*completed, sink);
 }
 

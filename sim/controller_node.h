@@ -18,7 +18,8 @@ namespace faultline {
 /// thread or clock.
 class ControllerNode {
  public:
-  /// `map` must outlive the node.
+  /// `map` must outlive the node. @param controller nullptr: a real unit answers in its place, and
+  /// the node keeps silent.
   ControllerNode(const SignalMap& map, std::unique_ptr<Controller> controller);
   ControllerNode(const SignalMap& map, ControlLaw law);
 

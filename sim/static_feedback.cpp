@@ -1,7 +1,6 @@
 #include "sim/static_feedback.h"
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 #include <utility>
 
@@ -27,13 +26,13 @@ ControlLaw state_feedback(const PlantModel& model, const Eigen::MatrixXd& K,
   }
   const Eigen::MatrixXd left_inverse =
       decomposition.solve(Eigen::MatrixXd::Identity(model.q(), model.q()));
-  return {K * left_inverse, model.u_operating + feedforward, model.y_operating,
-          Eigen::VectorXd::Zero(model.m()), Eigen::VectorXd::Zero(model.m())};
+  return {K * left_inverse, CommandBase(model.u_operating + feedforward),
+          Reference(model.y_operating)};
 }
 
 ControlLaw open_loop(const PlantModel& model, const Eigen::VectorXd& feedforward) {
-  return {Eigen::MatrixXd::Zero(model.m(), model.q()), model.u_operating + feedforward,
-          model.y_operating, Eigen::VectorXd::Zero(model.m()), Eigen::VectorXd::Zero(model.m())};
+  return {Eigen::MatrixXd::Zero(model.m(), model.q()), CommandBase(model.u_operating + feedforward),
+          Reference(model.y_operating)};
 }
 
 Eigen::MatrixXd lqr_gain(const PlantModel& model, double sample_time_s, const Eigen::MatrixXd& Q,
@@ -44,16 +43,15 @@ Eigen::MatrixXd lqr_gain(const PlantModel& model, double sample_time_s, const Ei
 }
 
 StaticFeedback::StaticFeedback(ControlLaw law)
-    : law_(std::move(law)), dy_(law_.gain.cols()), u_(law_.gain.rows()) {}
+    : law_(std::move(law)), dy_(law_.gain.cols()), y_ref_(law_.gain.cols()), u_(law_.gain.rows()) {}
 
 void StaticFeedback::command(std::uint32_t k, std::span<const double> y,
                              std::span<double> u) noexcept {
-  dy_ = Eigen::Map<const Eigen::VectorXd>(y.data(), dy_.size()) - law_.y_operating;
-  u_ = law_.feedforward;
-  for (Eigen::Index i = 0; i < u_.size(); ++i) {
-    u_[i] += law_.amplitude[i] * std::sin(law_.omega_rad[i] * k);
-  }
+  law_.reference.at(k, y_ref_);
+  dy_ = Eigen::Map<const Eigen::VectorXd>(y.data(), dy_.size()) - y_ref_;
+  law_.base.begin(k, u_);
   u_.noalias() -= law_.gain * dy_;
+  law_.base.limit(u_);
   std::copy(u_.begin(), u_.end(), u.begin());
 }
 

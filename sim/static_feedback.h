@@ -3,21 +3,22 @@
 #include <Eigen/Core>
 
 #include "diagnosis/model/plant_model.h"
+#include "sim/command_base.h"
 #include "sim/controller.h"
+#include "sim/reference.h"
 
 namespace faultline {
 
-/// State feedback on the measured state, with feed-forward and an excitation:
+/// State feedback on the measured state:
 ///
-///   u_k = u₀ + v + a sin(ω k) - K C⁺ (y_k - y₀)
+///   u_k = clamp(u₀ + v + a sin(ω k) - K C⁺ (y_k - y_ref(k)))
 ///
-/// K m×n, C⁺ n×q the left inverse of C, v the feed-forward (m), a sin(ω k) channel by channel.
+/// K m×n, C⁺ n×q the left inverse of C; the rest CommandBase and Reference. Without integral action
+/// a reference is met only if v holds it.
 struct ControlLaw {
-  Eigen::MatrixXd gain;         ///< K C⁺, m×q
-  Eigen::VectorXd feedforward;  ///< u₀ + v, m
-  Eigen::VectorXd y_operating;  ///< y₀, q
-  Eigen::VectorXd amplitude;    ///< a, m
-  Eigen::VectorXd omega_rad;    ///< ω, m: per cycle
+  Eigen::MatrixXd gain;  ///< K C⁺, m×q
+  CommandBase base;
+  Reference reference;  ///< y₀ unless something else is asked for
 };
 
 /// @param K m×n feedback gain. @param feedforward v, m.
@@ -42,7 +43,7 @@ class StaticFeedback final : public Controller {
 
  private:
   ControlLaw law_;
-  Eigen::VectorXd dy_, u_;
+  Eigen::VectorXd dy_, y_ref_, u_;
 };
 
 }  // namespace faultline

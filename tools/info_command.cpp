@@ -18,6 +18,7 @@
 #include "tools/bench/scenario_files.h"
 #include "tools/can/dbc_print.h"
 #include "tools/cli.h"
+#include "tools/controller_print.h"
 #include "tools/log/log_command.h"
 #include "tools/scenario_print.h"
 
@@ -66,7 +67,9 @@ Json info_of_request(const std::filesystem::path& file, std::FILE* out) {
 Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
   const Scenario scenario = read_scenario(file);
   print_scenario(out, scenario);
-  return scenario_json(scenario);
+  Json json = scenario_json(scenario);
+  json["controller"] = print_controller(out, scenario);
+  return json;
 }
 
 Json info_of_part(const std::filesystem::path& file, std::FILE* out) {

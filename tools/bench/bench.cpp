@@ -1,6 +1,7 @@
 #include "tools/bench/bench.h"
 
 #include <cmath>
+#include <stdexcept>
 
 #include <fmt/format.h>
 
@@ -38,6 +39,15 @@ RunPublisher make_publisher(const BenchInputs& inputs, const BenchOptions& optio
   return {inputs, diagnosis.decision_table().sets(), std::move(log), std::move(live)};
 }
 
+/// A real unit that answers must be on the bus.
+void check_external_controller(const BenchInputs& inputs, const BenchOptions& options) {
+  if (inputs.scenario.controller.kind != ControllerKind::kExternal || options.bus != "loop") return;
+  throw std::invalid_argument(
+      fmt::format("bus: found \"loop\", expected {}: the controller of scenario \"{}\" is "
+                  "external, and loop lies within this process",
+                  "a bus that it is on, e.g. can:vcan0", inputs.scenario.name));
+}
+
 }  // namespace
 
 BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
@@ -68,6 +78,9 @@ BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
                           fmt::format("{} on {}, {}", inputs.scenario.name, options.bus,
                                       options.is_realtime ? "in real time" : "in lock-step"),
                           start_utime_);
+  for (const std::string& warning : inputs.warnings) {
+    publisher.publish_event(-1, "warning", "bench", warning, start_utime_);
+  }
   for (const std::string& warning : inputs.perturbations.warnings()) {
     publisher.publish_event(-1, "warning", "bench", warning, start_utime_);
   }
@@ -197,6 +210,7 @@ BenchResult BenchRun::finish(std::int64_t utime) {
   }
   RunCounters final_counters = counters_now();
   final_counters.clamped_values = plant.clamped_values() + controller.clamped_values();
+  final_counters.frame_faults = plant_faults.counters() + controller_faults.counters();
   publisher.publish_stats(final_counters, latencies, plant.truth().cycle, utime, true);
   publisher.close();
   const std::chrono::duration<double> wall = steady_clock::now() - start_;
@@ -211,6 +225,7 @@ BenchResult BenchRun::finish(std::int64_t utime) {
 }
 
 BenchResult run_bench(const BenchInputs& inputs, const BenchOptions& options) {
+  check_external_controller(inputs, options);
   BenchRun run(inputs, options);
   if (options.is_realtime) {
     run_realtime(run);

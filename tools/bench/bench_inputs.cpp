@@ -14,6 +14,7 @@
 #include "drivers/dbc/dbc_parser.h"
 #include "tools/bench/bank_cache.h"
 #include "tools/bench/bench_parts.h"
+#include "tools/bench/controller_plan.h"
 
 namespace faultline {
 namespace {
@@ -220,7 +221,9 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
                                   inputs.bank.sample_time_s);
   inputs.x_initial = initial_state(scenario, inputs.plant);
   make_schedules(inputs, scenario);
-  inputs.make_controller = controller_maker(scenario, inputs.plant, inputs.bank.sample_time_s);
+  ControllerPlan controller = plan_controller(scenario, inputs.plant, inputs.bank.sample_time_s);
+  inputs.make_controller = std::move(controller.make);
+  inputs.warnings = std::move(controller.warnings);
   inputs.dbc_warnings = warnings_of(dbc);
   inputs.scenario = std::move(scenario);
   return inputs;

@@ -30,8 +30,9 @@ struct BenchInputs : DiagnosisInputs {
   FaultSchedule schedule;
   PerturbationSchedule perturbations;  ///< at its start
   PlantMaker make_plant;               ///< none where the simulated plant is not at hand (a replay)
-  ControllerMaker make_controller;     ///< likewise
+  ControllerMaker make_controller;     ///< likewise; makes nullptr for an external one
   Eigen::VectorXd x_initial;           ///< absolute
+  std::vector<std::string> warnings;   ///< about the scenario, which may yet be meant so
 };
 
 /// A bank that was asked for cannot be had: not every residual exists. A valid question with a

@@ -26,8 +26,4 @@ struct NamedText {
 /// whose plant, map and make_plant are there.
 void make_schedules(BenchInputs& inputs, const Scenario& scenario);
 
-/// The scenario's controller, at its start each time it is made.
-[[nodiscard]] ControllerMaker controller_maker(const Scenario& scenario, const PlantModel& plant,
-                                               double sample_time_s);
-
 }  // namespace faultline

@@ -41,6 +41,9 @@ constexpr Nanoseconds kCompareClocksPeriod = std::chrono::milliseconds(20);
 /// bound.
 constexpr std::uint64_t kWarmUpSamples = 50;
 
+/// No cycle has begun yet: their counter never comes to that (check_duration).
+constexpr std::uint32_t kNoCycle = kNoCommand;
+
 struct TruthRecord {
   PlantTruth truth;
   Eigen::VectorXd x;
@@ -88,7 +91,7 @@ class Realtime {
               cycles_per_value_),
         truths_(run.options.record_slots, TruthRecord{{}, run.inputs.x_initial}),
         probe_reads_(run.options.record_slots, ProbeRead{}),
-        cycle_frames_(run.inputs.map.sensor_messages.size() + 1),
+        cycle_frames_(run.plant_faults.most_frames()),
         latencies_(period_, cycles_per_value_, run.buses.probe != nullptr),
         silence_(period_),
         closing_id_(closing_id(run.inputs.map)),
@@ -166,6 +169,7 @@ class Realtime {
                           k, in_ms(late), in_ms(period_))});
         break;
       }
+      cycle_.store(k, std::memory_order_release);
       run_.plant_faults.begin_cycle(k);
       run_.plant.on_cycle(k, run_.plant_faults);
       truth.is_sent = !is_overrun || run_.options.overrun != OverrunPolicy::kSkip;
@@ -194,7 +198,9 @@ class Realtime {
       if (left <= Nanoseconds::zero() || must_stop_) return;
       const ReceiveResult received =
           run_.buses.plant->receive(plant_batch_, std::min<Nanoseconds>(left, kIdleWait));
-      for (std::size_t i = 0; i < received.count; ++i) run_.plant.on_frame(plant_batch_[i]);
+      for (std::size_t i = 0; i < received.count && run_.plant_faults.hears(); ++i) {
+        run_.plant.on_frame(plant_batch_[i]);
+      }
       watch(received, *run_.buses.plant);
     }
   }
@@ -202,9 +208,15 @@ class Realtime {
   // --- controller thread: answers measurements.
   void run_controller() {
     set_up_thread("controller", 2, std::nullopt, controller_problems_);
+    // Its faults follow the cycles even while it hears nothing.
+    const Nanoseconds wait = std::min<Nanoseconds>(period_, kIdleWait);
+    std::uint32_t cycle = kNoCycle;
     while (!is_over_ && !must_stop_) {
-      const ReceiveResult received = run_.buses.controller->receive(controller_batch_, kIdleWait);
-      for (std::size_t i = 0; i < received.count; ++i) {
+      const ReceiveResult received = run_.buses.controller->receive(controller_batch_, wait);
+      const std::uint32_t now = cycle_.load(std::memory_order_acquire);
+      if (now != cycle) run_.controller_faults.begin_cycle(now);
+      cycle = now;
+      for (std::size_t i = 0; i < received.count && run_.controller_faults.hears(); ++i) {
         run_.controller.on_frame(controller_batch_[i], run_.controller_faults);
       }
       watch(received, *run_.buses.controller);
@@ -383,6 +395,7 @@ class Realtime {
   Problems diagnosis_problems_, plant_problems_, controller_problems_, probe_problems_;
   std::array<CanFrame, kBatch> plant_batch_{}, controller_batch_{}, diagnosis_batch_{},
       probe_batch_{};
+  std::atomic<std::uint32_t> cycle_{kNoCycle};  ///< of the plant
   std::atomic<bool> must_stop_{false}, is_over_{false}, is_diagnosis_over_{false};
   std::atomic<std::uint64_t> overruns_{0}, skipped_cycles_{0};
   std::atomic<std::int64_t> allocations_{-1}, page_faults_{-1};  ///< -1: not counted

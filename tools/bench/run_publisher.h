@@ -13,6 +13,7 @@
 #include "drivers/can/can_frame.h"
 #include "drivers/signal/sampler.h"
 #include "sim/fault_schedule.h"
+#include "sim/frame_faults.h"
 #include "sim/plant_node.h"
 #include "tools/bench/diagnosis_inputs.h"
 #include "tools/bench/diagnosis_record.h"
@@ -38,6 +39,7 @@ struct RunCounters {
   std::uint64_t skipped_cycles = 0;
   std::uint64_t records_dropped = 0;
   std::uint64_t clamped_values = 0;
+  FrameFaultCounters frame_faults;  ///< of plant and controller; not in STATS
   // Of the diagnosis thread after warm-up; nothing where it is not counted.
   std::optional<std::uint64_t> allocations;
   std::optional<std::uint64_t> page_faults;

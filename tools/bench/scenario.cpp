@@ -89,7 +89,10 @@ Scenario scenario_of(TomlTable root, const std::filesystem::path& file,
     scenario.simulation = read_simulation(*simulation, folder_of(*simulation, "library"));
   }
   if (auto controller = root.optional_table("controller")) {
-    scenario.controller = read_controller(*controller);
+    scenario.controller = read_controller(*controller, folder_of(*controller, "file"));
+  }
+  for (const TomlTable& table : root.tables("reference")) {
+    scenario.controller.reference_steps.push_back(read_reference_step(table, scenario.controller));
   }
   for (const TomlTable& table : root.tables("fault")) {
     scenario.injections.push_back(read_injection(table, scenario.duration_s));

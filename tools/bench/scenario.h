@@ -16,25 +16,52 @@
 #include "sim/fault.h"
 #include "sim/integration.h"
 #include "sim/perturbation.h"
+#include "sim/pid.h"
+#include "sim/reference.h"
 #include "tools/bench/expectation.h"
 #include "tools/bench/scenario_include.h"
 
 namespace faultline {
 
 enum class ControllerKind {
-  kLqr,   ///< u = u₀ + v - K C⁺ (y - y₀), K from Q and R
-  kGain,  ///< the same with K given
-  kNone,  ///< u = u₀ + v
+  kLqr,       ///< u = u₀ + v - K C⁺ (y - y_ref), K from Q and R
+  kGain,      ///< the same with K given
+  kObserver,  ///< u = u₀ + v + u_ref - K (x̂ - x_ref), x̂ by an observer with gain L
+  kPid,       ///< loops from an output to an input
+  kRecorded,  ///< from a CSV file
+  kExternal,  ///< not ours: a real unit on the bus answers
+  kNone,      ///< u = u₀ + v
+};
+/// "lqr", "gain", "observer", "pid", "recorded", "external", "none".
+[[nodiscard]] std::string_view controller_kind_name(ControllerKind kind) noexcept;
+
+/// [[controller.loop]]: see PidLoop.
+struct PidLoopSpec {
+  std::string output, input;
+  PidLoop loop;  ///< its channels not yet known
+};
+
+/// [[reference]]: see ReferenceStep.
+struct ReferenceStepSpec {
+  std::string output;
+  ReferenceStep step;  ///< its output not yet known
 };
 
 struct ControllerSpec {
   ControllerKind kind = ControllerKind::kNone;
-  std::optional<Eigen::MatrixXd> K;             ///< kGain: m×n
-  std::optional<Eigen::MatrixXd> Q;             ///< kLqr: n×n, identity if absent
-  std::optional<Eigen::MatrixXd> R;             ///< kLqr: m×m, identity if absent
+  std::optional<Eigen::MatrixXd> K;         ///< kGain: m×n; kObserver: by Q and R if absent
+  std::optional<Eigen::MatrixXd> Q;         ///< kLqr, kObserver: n×n, identity if absent
+  std::optional<Eigen::MatrixXd> R;         ///< kLqr, kObserver: m×m, identity if absent
+  std::optional<Eigen::MatrixXd> L;         ///< kObserver: n×q; by Q_w and R_v if absent
+  std::optional<Eigen::MatrixXd> Q_w, R_v;  ///< kObserver: n×n, q×q; by the plant file if absent
+  std::vector<PidLoopSpec> loops;           ///< kPid
+  std::filesystem::path commands;           ///< kRecorded: the CSV file
   std::optional<Eigen::VectorXd> feedforward;   ///< v, m; zero if absent
   std::optional<Eigen::VectorXd> amplitude;     ///< of a sine on each input, m; zero if absent
   std::optional<Eigen::VectorXd> frequency_Hz;  ///< of these sines, m
+  std::map<std::string, double, std::less<>> reference;  ///< by output, absolute; y₀ if absent
+  std::vector<ReferenceStepSpec> reference_steps;        ///< in the file's order
+  std::map<std::string, Eigen::Vector2d, std::less<>> limits;  ///< by input: smallest, largest
 };
 
 /// The plant that is simulated: by default the one of the plant file.

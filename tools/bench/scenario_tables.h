@@ -11,8 +11,11 @@ namespace faultline {
 // @throws InputError what is wrong in the table.
 
 [[nodiscard]] SimulationSpec read_simulation(TomlTable table, const std::filesystem::path& folder);
-[[nodiscard]] ControllerSpec read_controller(TomlTable table);
 [[nodiscard]] Injection read_injection(TomlTable table, double duration_s);
+[[nodiscard]] ControllerSpec read_controller(TomlTable table, const std::filesystem::path& folder);
+/// [[reference]], which only a controller that follows one may have.
+[[nodiscard]] ReferenceStepSpec read_reference_step(TomlTable table,
+                                                    const ControllerSpec& controller);
 [[nodiscard]] Perturbation read_perturbation(TomlTable table, const std::filesystem::path& folder);
 [[nodiscard]] Expectation read_expectation(TomlTable table, double duration_s);
 
