@@ -89,7 +89,7 @@ Scenario scenario_of(TomlTable root, const std::filesystem::path& file,
     scenario.simulation = read_simulation(*simulation, folder_of(*simulation, "library"));
   }
   if (auto controller = root.optional_table("controller")) {
-    scenario.controller = read_controller(*controller, folder);
+    scenario.controller = read_controller(*controller, folder_of(*controller, "file"));
   }
   for (const TomlTable& table : root.tables("reference")) {
     scenario.controller.reference_steps.push_back(read_reference_step(table, scenario.controller));

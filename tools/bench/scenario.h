@@ -16,9 +16,9 @@
 #include "sim/fault.h"
 #include "sim/integration.h"
 #include "sim/perturbation.h"
-#include "tools/bench/expectation.h"
 #include "sim/pid.h"
 #include "sim/reference.h"
+#include "tools/bench/expectation.h"
 #include "tools/bench/scenario_include.h"
 
 namespace faultline {
