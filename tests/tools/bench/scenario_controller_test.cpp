@@ -267,10 +267,12 @@ TEST(ScenarioController, SaysThatARecordIsNotThere) {
   }
 }
 
-TEST(Examples, MoveTheJointAndNameItsFault) {
-  for (const char* example : {"output_feedback.toml", "recorded.toml"}) {
+TEST(Examples, AreControlledAndTheirFaultIsNamed) {
+  for (const char* example :
+       {"ma2024/output_feedback.toml", "ma2024/recorded.toml", "three_tank/pid.toml"}) {
     SCOPED_TRACE(example);
-    const BenchInputs inputs = load_bench_inputs(kExamples / "ma2024" / example);
+    const BenchInputs inputs = load_bench_inputs(kExamples / example);
+    EXPECT_TRUE(inputs.warnings.empty());
     BenchOptions options;
     options.bus = "loop";
     const BenchResult result = run_bench(inputs, options);
