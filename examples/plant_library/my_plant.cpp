@@ -2,7 +2,8 @@
 //
 //   A h' = q - (a + leak) √(2 g h) + inflow        level = h + hum
 //
-// Everything is absolute and in the units given here; sim/plant_table.h says what each number means.
+// Everything is absolute and in the units given here; sim/plant_table.h says what each number
+// means.
 #include <algorithm>
 #include <cmath>
 

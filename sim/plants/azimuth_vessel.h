@@ -56,7 +56,7 @@ struct AzimuthVessel {
       {"surge", "m/s", 0, 0.2}, {"sway", "m/s", 0, 0.2}, {"yaw_rate", "rad/s", 0, 0.2}};
   static constexpr PlantSignal disturbances[] = {
       {"wind_surge", "N", 0, 0.02},         {"wind_sway", "N", 0, 0.02},
-      {"wind_yaw", "N m", 0, 0.004},         {"noise_north", "m", 0, 0.002},
+      {"wind_yaw", "N m", 0, 0.004},        {"noise_north", "m", 0, 0.002},
       {"noise_east", "m", 0, 0.002},        {"noise_heading", "rad", 0, 0.001},
       {"noise_surge", "m/s", 0, 0.002},     {"noise_sway", "m/s", 0, 0.002},
       {"noise_yaw_rate", "rad/s", 0, 0.002}};

@@ -69,19 +69,19 @@ TEST(EquationPlant, MatchesInputsAndOutputsByName) {
 
 TEST(EquationPlant, AddsDeviationsToItsParameters) {
   const PlantModel file = tank_file();
-  EquationPlant plant(catalogue_plant("three_tank"), file, 1.0, {}, {{"leak1", 1e-6}});
+  EquationPlant plant(catalogue_plant("three_tank"), file, 1.0, {}, {{"leak1", 1.0}});
   EquationPlant leaking(catalogue_plant("three_tank"), file, 1.0);
   EXPECT_EQ(plant.components()[0].name, "leak1");
-  EXPECT_EQ(plant.components()[0].nominal, 1e-6);
+  EXPECT_EQ(plant.components()[0].nominal, 1.0);
   std::vector<double> none(6, 0.0), leak(6, 0.0);
-  leak[0] = 1e-6;
+  leak[0] = 1.0;
   const std::array<double, 2> u{file.u_operating[0], file.u_operating[1]};
   for (int k = 0; k < 100; ++k) {
     plant.step({u, none, {}});
     leaking.step({u, leak, {}});
   }
   EXPECT_EQ(plant.state(), leaking.state());
-  EXPECT_LT(plant.state()[0], file.x_operating[0] - 1e-4);
+  EXPECT_LT(plant.state()[0], file.x_operating[0] - 1.0);
 }
 
 TEST(EquationPlant, RefusesWhatDoesNotFitItsFile) {

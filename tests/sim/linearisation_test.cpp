@@ -51,9 +51,9 @@ TEST(Linearisation, OfTheFlexibleJointIsItsFileWithTheSlopeOfSin) {
 TEST(Linearisation, OfTheThreeTankIsTheOneDerivedByHand) {
   const PlantModel model = linearise(catalogue_plant("three_tank")).model;
   const Eigen::VectorXd& h = model.x_operating;
-  const auto slope = [](double az, double head_m) {
-    return az * ThreeTank::kPipeArea_m2 * std::sqrt(ThreeTank::kGravity_m_s2 / (2.0 * head_m)) /
-           ThreeTank::kTankArea_m2;
+  const auto slope = [](double az, double head_cm) {
+    return az * ThreeTank::kPipeArea_cm2 * std::sqrt(ThreeTank::kGravity_cm_s2 / (2.0 * head_cm)) /
+           ThreeTank::kTankArea_cm2;
   };
   const double s13 = slope(ThreeTank::kOutflow13, h[0] - h[2]);
   const double s32 = slope(ThreeTank::kOutflow32, h[2] - h[1]);
@@ -61,12 +61,13 @@ TEST(Linearisation, OfTheThreeTankIsTheOneDerivedByHand) {
   Eigen::Matrix3d A;
   A << -s13, 0.0, s13, 0.0, -s32 - s20, s32, s13, s32, -s13 - s32;
   EXPECT_LT((model.A - A).cwiseAbs().maxCoeff(), 1e-10 * s13);
-  EXPECT_NEAR(model.B(0, 0) * ThreeTank::kTankArea_m2, 1.0, 1e-9);
+  EXPECT_NEAR(model.B(0, 0) * ThreeTank::kTankArea_cm2, 1.0, 1e-9);
   const auto leak = std::find_if(model.faults.begin(), model.faults.end(),
                                  [](const Fault& fault) { return fault.name == "leak2"; });
   ASSERT_NE(leak, model.faults.end());
   EXPECT_NEAR(leak->state[1],
-              -std::sqrt(2.0 * ThreeTank::kGravity_m_s2 * h[1]) / ThreeTank::kTankArea_m2, 1e-7);
+              -0.01 * std::sqrt(2.0 * ThreeTank::kGravity_cm_s2 * h[1]) / ThreeTank::kTankArea_cm2,
+              1e-9);  // a leak is in mm²
   EXPECT_EQ(model.noises.size(), 3U);
 }
 
@@ -112,9 +113,9 @@ TEST(Linearisation, IsWrittenAndReadBackToTheBit) {
 
 TEST(Linearisation, HoldsWhatItIsToldTo) {
   const PlantModel model =
-      linearise(catalogue_plant("three_tank"), {.parameters = {}, .hold = {{"h1", 0.45}}}).model;
-  EXPECT_EQ(model.x_operating[0], 0.45);
-  EXPECT_GT(model.u_operating[0], 3.5e-5);
+      linearise(catalogue_plant("three_tank"), {.parameters = {}, .hold = {{"h1", 45.0}}}).model;
+  EXPECT_EQ(model.x_operating[0], 45.0);
+  EXPECT_GT(model.u_operating[0], 35.0);
 }
 
 TEST(Linearisation, SaysWhatItCannotDo) {

@@ -207,7 +207,7 @@ struct ScenarioTexts {
   RunPart plant, dbc;
   std::optional<RunPart> commands;                        ///< of a recorded controller
   std::string plant_source, dbc_source, commands_source;  ///< names for messages
-  std::vector<RunPart> data;  ///< records that a log carries
+  std::vector<RunPart> data;                              ///< records that a log carries
 };
 using BankLoader = std::function<Bank(const Scenario&, const PlantModel&, std::vector<RunPart>&)>;
 

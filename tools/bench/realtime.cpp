@@ -133,7 +133,11 @@ class Realtime final : private PlantLoopHost {
   // --- plant thread: leads the cycle at absolute deadlines.
   void run_plant() {
     set_up_thread("plant", 1, std::nullopt, plant_problems_);
-    if (auto reason = plant_loop_.run(start_, run_.cycle_count(), *this)) fail(std::move(*reason));
+    if (auto reason = plant_loop_.run(start_, run_.cycle_count(), *this)) {
+      // The cycle that ended the run was not lived.
+      if (reason->kind == StopReason::Kind::kOverrun) ++overruns_;
+      fail(std::move(*reason));
+    }
     plant_loop_.take_commands_until(steady_clock::now() + kGrace, *this);
     is_over_ = true;
   }

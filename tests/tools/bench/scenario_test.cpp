@@ -158,7 +158,7 @@ TEST_F(ScenarioTest, PointsAtWhatIsWrongInTheSimulation) {
 
 TEST_F(ScenarioTest, PointsAtWhatIsWrongInADisturbanceOrNoise) {
   const std::string head = "[[noise]]\ntarget = \"all\"\nkind = ";
-  EXPECT_THAT(refusal(head + "\"gaussian\"\n"), HasSubstr("s.toml:9:8: "));
+  EXPECT_THAT(refusal(head + "\"pink\"\n"), HasSubstr("s.toml:9:8: "));
   EXPECT_THAT(refusal(head + "\"uniform\"\nsize = 0\n"), HasSubstr("s.toml:10:8: "));
   EXPECT_THAT(refusal(head + "\"uniform\"\nsize = -1\n"), HasSubstr("s.toml:10:8: "));
   EXPECT_THAT(refusal(head + "\"uniform\"\nsize = nan\n"), HasSubstr("s.toml:10:8: "));
