@@ -21,8 +21,7 @@ int main(int argc, char** argv) try {
       codecs[message - dbc.messages.data()].decode(frames[n].payload(), values, presence);
       for (std::size_t i = 0; i < values.size(); ++i) {
         if (presence[i] != faultline::SignalPresence::kPresent) continue;
-        std::printf("%s.%s = %g\n", message->name.c_str(), message->signals[i].name.c_str(),
-                    values[i]);
+        std::printf("%s.%s = %g\n", message->name.c_str(), message->signals[i].name.c_str(), values[i]);
       }
     }
   }
