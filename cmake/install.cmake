@@ -29,6 +29,9 @@ if(NOT FAULTLINE_DRIVERS_ONLY)
     faultline_diagnosis_model faultline_diagnosis_bank faultline_diagnosis_design
     faultline_diagnosis_certify faultline_diagnosis_runtime)
   install(FILES cmake/FindCSDP.cmake DESTINATION ${faultline_cmake_dir} COMPONENT diagnosis)
+  # All that a plant in a shared library is built from (examples/plant_library).
+  install(FILES sim/plant_table.h sim/plant_equations.h
+    DESTINATION ${faultline_include_dir}/sim COMPONENT diagnosis)
   install(TARGETS faultline RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
 endif()
 

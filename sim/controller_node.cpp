@@ -1,56 +1,24 @@
 #include "sim/controller_node.h"
 
-#include <cmath>
-#include <stdexcept>
-
-#include <Eigen/QR>
-#include <fmt/format.h>
-
-#include "diagnosis/model/discretize.h"
-#include "diagnosis/model/riccati.h"
+#include <utility>
 
 namespace faultline {
 
-ControlLaw state_feedback(const PlantModel& model, const Eigen::MatrixXd& K,
-                          const Eigen::VectorXd& feedforward) {
-  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> decomposition(model.C);
-  if (decomposition.rank() < model.n()) {
-    throw std::invalid_argument(fmt::format(
-        "state feedback acts on C^+ y: found C of rank {}, expected {} (every state measured)",
-        decomposition.rank(), model.n()));
-  }
-  if (!model.D.isZero(0.0)) {
-    throw std::invalid_argument(
-        "state feedback acts on C^+ y: found a plant with D, expected one without");
-  }
-  const Eigen::MatrixXd left_inverse =
-      decomposition.solve(Eigen::MatrixXd::Identity(model.q(), model.q()));
-  return {K * left_inverse, model.u_operating + feedforward, model.y_operating,
-          Eigen::VectorXd::Zero(model.m()), Eigen::VectorXd::Zero(model.m())};
-}
-
-ControlLaw open_loop(const PlantModel& model, const Eigen::VectorXd& feedforward) {
-  return {Eigen::MatrixXd::Zero(model.m(), model.q()), model.u_operating + feedforward,
-          model.y_operating, Eigen::VectorXd::Zero(model.m()), Eigen::VectorXd::Zero(model.m())};
-}
-
-Eigen::MatrixXd lqr_gain(const PlantModel& model, double sample_time_s, const Eigen::MatrixXd& Q,
-                         const Eigen::MatrixXd& R) {
-  if (model.time == TimeDomain::kDiscrete) return lqr_gain(model.A, model.B, Q, R);
-  const SampledSystem sampled = discretize_zoh(model.A, model.B, sample_time_s);
-  return lqr_gain(sampled.A, sampled.B, Q, R);
+ControllerNode::ControllerNode(const SignalMap& map, std::unique_ptr<Controller> controller)
+    : map_(&map),
+      controller_(std::move(controller)),
+      measurements_(map.sensor_messages, map.output_names.size()),
+      protectors_(protectors(map.command_messages)),
+      u_(map.input_names.size()) {
+  if (map.sync) sync_integrity_ = MessageIntegrity(map.sync->protection);
 }
 
 ControllerNode::ControllerNode(const SignalMap& map, ControlLaw law)
-    : map_(&map),
-      law_(std::move(law)),
-      measurements_(map.sensor_messages, map.output_names.size()),
-      protectors_(protectors(map.command_messages)),
-      dy_(law_.gain.cols()),
-      u_(law_.gain.rows()) {}
+    : ControllerNode(map, std::make_unique<StaticFeedback>(std::move(law))) {}
 
 void ControllerNode::on_frame(const CanFrame& frame, FrameSink& sink) noexcept {
   if (map_->sync && map_->sync->matches(frame)) {
+    if (!is_usable(sync_integrity_.check(frame).status)) return;
     std::int64_t k = 0;
     if (map_->sync->cycle.decode_raw(frame.payload(), k) == CodecStatus::kOk) {
       cycle_ = static_cast<std::uint32_t>(k);
@@ -60,21 +28,15 @@ void ControllerNode::on_frame(const CanFrame& frame, FrameSink& sink) noexcept {
   const auto completed = measurements_.push(frame, cycle_);
   if (!completed) return;
   cycle_ = *completed;
+  if (!controller_) return;
   answer(*completed, sink);
 }
 
 void ControllerNode::answer(std::uint32_t k, FrameSink& sink) noexcept {
-  const std::span<const double> y = measurements_.values(k);
-  dy_ = Eigen::Map<const Eigen::VectorXd>(y.data(), dy_.size()) - law_.y_operating;
-  u_ = law_.feedforward;
-  for (Eigen::Index i = 0; i < u_.size(); ++i) {
-    u_[i] += law_.amplitude[i] * std::sin(law_.omega_rad[i] * k);
-  }
-  u_.noalias() -= law_.gain * dy_;
+  controller_->command(k, measurements_.values(k), u_);
   CanFrame frame;
   for (std::size_t i = 0; i < protectors_.size(); ++i) {
-    clamped_values_ += map_->command_messages[i].encode(
-        {u_.data(), static_cast<std::size_t>(u_.size())}, k, frame);
+    clamped_values_ += map_->command_messages[i].encode(u_, k, frame);
     protectors_[i].protect(frame);
     sink.send(frame);
   }

@@ -10,6 +10,8 @@ namespace faultline {
 MessageAssembler::MessageAssembler(const std::vector<MappedMessage>& messages,
                                    std::size_t channel_count)
     : messages_(&messages) {
+  integrity_.reserve(messages.size());
+  for (const MappedMessage& message : messages) integrity_.emplace_back(message.protection);
   for (Slot& slot : slots_) {
     slot.seen.assign(messages.size(), 0);
     slot.values.assign(channel_count, 0.0);
@@ -18,6 +20,7 @@ MessageAssembler::MessageAssembler(const std::vector<MappedMessage>& messages,
 
 void MessageAssembler::reset() noexcept {
   for (Slot& slot : slots_) slot.is_used = false;
+  for (MessageIntegrity& integrity : integrity_) integrity.reset();
 }
 
 MessageAssembler::Slot& MessageAssembler::open(std::uint32_t counter) noexcept {
@@ -36,6 +39,10 @@ std::optional<std::uint32_t> MessageAssembler::push(const CanFrame& frame,
   for (std::size_t i = 0; i < messages_->size(); ++i) {
     const MappedMessage& message = (*messages_)[i];
     if (!message.matches(frame)) continue;
+    if (!is_usable(integrity_[i].check(frame).status)) {
+      ++refused_frames_;
+      return std::nullopt;
+    }
     std::uint32_t counter = near;
     if (message.cycle) {
       std::int64_t low = 0;

@@ -7,12 +7,14 @@
 #include <vector>
 
 #include "drivers/can/can_frame.h"
+#include "drivers/signal/message_integrity.h"
 #include "drivers/signal/signal_map.h"
 
 namespace faultline {
 
 /// Puts the messages of one side (sensors or commands) together by their cycle counter: a plant
-/// node needs whole commands, a controller whole measurements.
+/// node needs whole commands, a controller whole measurements. As a real unit does, it refuses
+/// frames whose checksum is wrong or whose alive counter repeated or left its sequence.
 ///
 /// Keeps the newest kSlots counters. Does not allocate after construction.
 class MessageAssembler {
@@ -30,6 +32,9 @@ class MessageAssembler {
   /// Channels of a completed counter; valid until kSlots later counters have begun.
   [[nodiscard]] std::span<const double> values(std::uint32_t counter) const noexcept;
 
+  /// Frames refused for their checksum or alive counter so far.
+  [[nodiscard]] std::uint64_t refused_frames() const noexcept { return refused_frames_; }
+
   void reset() noexcept;
 
  private:
@@ -43,6 +48,8 @@ class MessageAssembler {
   Slot& open(std::uint32_t counter) noexcept;
 
   const std::vector<MappedMessage>* messages_;
+  std::vector<MessageIntegrity> integrity_;  // per message
+  std::uint64_t refused_frames_ = 0;
   std::array<Slot, kSlots> slots_;
 };
 

@@ -1,58 +1,55 @@
 #pragma once
 
-#include <optional>
 #include <span>
+#include <string>
+#include <vector>
 
 #include <Eigen/Core>
 
-#include "diagnosis/model/plant_model.h"
-#include "sim/fault_schedule.h"
-#include "sim/integration.h"
 #include "sim/perturbation.h"
-#include "sim/plant_dynamics.h"
-#include "sim/rk4_stepper.h"
 
 namespace faultline {
 
-/// A plant that is stepped from sample to sample. Commands u, faults, disturbances d and noise w
-/// are held over each:
-///
-///   f(x)  = A x + B (Γ_u u + b_u) + L m + E_d d + Σ gain·E_o·φ(E_i x)
-///   y_k   = Γ_y (C x_k + D (Γ_u u_k + b_u) + D_m m_k + D_f d_k + F w_k) + b_y
-///
-/// x_k+1 follows from f by the method of integration. Everything at its interface is absolute
-/// (operating point included); inside are deviations.
+/// Something inside a plant that a fault may change: a fault of the plant file (nominally 0), or a
+/// parameter of a plant in C++.
+struct PlantComponent {
+  std::string name;
+  double nominal = 0.0;
+};
+
+/// What drives a plant over one sample, held meanwhile.
+struct PlantDrive {
+  std::span<const double> u;  ///< m: what the actuators do, absolute
+  std::span<const double>
+      component;  ///< one per PlantComponent, in order: its deviation from nominal
+  const ActivePerturbations& perturbations;
+};
+
+/// A plant that is stepped from sample to sample. Everything at its interface is absolute
+/// (operating point included). Actuator and sensor faults lie outside of it (plant_faults.h).
 class SimulatedPlant {
  public:
-  /// @param sample_time_s for continuous plants; a discrete plant's own must be equal.
-  /// @throws std::invalid_argument sample time not positive or not the discrete plant's; a method
-  ///   of integration the plant cannot have.
-  SimulatedPlant(const PlantModel& model, double sample_time_s,
-                 const Integration& integration = {});
+  virtual ~SimulatedPlant() = default;
 
   /// Sets the absolute state; n values.
-  void reset(const Eigen::VectorXd& x) noexcept;
-
-  /// y_k into `y` (q values), for the command `u` (m values) and what acts now.
-  void measure(std::span<const double> u, const ActiveFaults& faults,
-               const ActivePerturbations& perturbations, std::span<double> y) noexcept;
-  /// Goes from k to k+1.
-  void step(std::span<const double> u, const ActiveFaults& faults,
-            const ActivePerturbations& perturbations) noexcept;
+  virtual void reset(const Eigen::VectorXd& x) noexcept = 0;
+  /// y_k into `y` (q values), before any sensor fault. Real-time.
+  virtual void measure(const PlantDrive& drive, std::span<double> y) noexcept = 0;
+  /// Goes from k to k+1. Real-time: neither allocates nor throws.
+  virtual void step(const PlantDrive& drive) noexcept = 0;
 
   /// Absolute state x_k.
-  [[nodiscard]] const Eigen::VectorXd& state() const noexcept { return x_absolute_; }
-  /// False once a state has left the finite numbers.
-  [[nodiscard]] bool is_finite() const noexcept { return dx_.allFinite(); }
+  [[nodiscard]] virtual const Eigen::VectorXd& state() const noexcept = 0;
+  [[nodiscard]] virtual const std::vector<PlantComponent>& components() const noexcept = 0;
+  /// False once a state has left the finite numbers, or the integrator could not go on.
+  [[nodiscard]] virtual bool is_finite() const noexcept = 0;
+  /// Why not, with the state's name: "link_speed is not finite"; empty while `is_finite`.
+  [[nodiscard]] virtual std::string failure() const = 0;
 
- private:
-  void actuate(std::span<const double> u, const ActiveFaults& faults) noexcept;
-
-  PlantDynamics dynamics_;         // from sample to sample; of x' where rk4_ is
-  std::optional<Rk4Stepper> rk4_;  // else one product per sample
-  PlantOutputs outputs_;
-  Eigen::VectorXd x_operating_, u_operating_, y_operating_;
-  Eigen::VectorXd dx_, dx_next_, du_, dy_, phi_, x_absolute_;
+ protected:
+  SimulatedPlant() = default;
+  SimulatedPlant(const SimulatedPlant&) = default;
+  SimulatedPlant& operator=(const SimulatedPlant&) = default;
 };
 
 }  // namespace faultline

@@ -4,27 +4,34 @@
 #include <utility>
 
 #include "drivers/signal/cycle_counter.h"
+#include "sim/model_plant.h"
 
 namespace faultline {
+
+PlantNode::PlantNode(std::unique_ptr<SimulatedPlant> plant, const SignalMap& map,
+                     const FaultSchedule& schedule, double sample_time_s,
+                     const Eigen::VectorXd& x_initial, PerturbationSchedule perturbations)
+    : map_(&map),
+      perturbations_(std::move(perturbations)),
+      plant_(std::move(plant)),
+      sample_time_s_(sample_time_s),
+      commands_(map.command_messages, map.input_names.size()),
+      u_(map.input_names.size(), 0.0),
+      u_act_(map.input_names.size(), 0.0),
+      y_(map.output_names.size(), 0.0),
+      x_(x_initial),
+      faults_(schedule, sample_time_s),
+      active_(perturbations_.none()) {
+  plant_->reset(x_initial);
+  if (map.sync) sync_protector_ = MessageProtector(map.sync->protection);
+  sensor_protectors_ = protectors(map.sensor_messages);
+}
 
 PlantNode::PlantNode(const PlantModel& model, const SignalMap& map, const FaultSchedule& schedule,
                      double sample_time_s, const Eigen::VectorXd& x_initial,
                      PerturbationSchedule perturbations, const Integration& integration)
-    : map_(&map),
-      schedule_(&schedule),
-      perturbations_(std::move(perturbations)),
-      plant_(model, sample_time_s, integration),
-      sample_time_s_(sample_time_s),
-      commands_(map.command_messages, map.input_names.size()),
-      u_(map.input_names.size(), 0.0),
-      y_(map.output_names.size(), 0.0),
-      x_(x_initial),
-      faults_(schedule.none()),
-      active_(perturbations_.none()) {
-  plant_.reset(x_initial);
-  if (map.sync) sync_protector_ = MessageProtector(map.sync->protection);
-  sensor_protectors_ = protectors(map.sensor_messages);
-}
+    : PlantNode(std::make_unique<ModelPlant>(model, sample_time_s, integration), map, schedule,
+                sample_time_s, x_initial, std::move(perturbations)) {}
 
 void PlantNode::on_cycle(std::uint32_t k, FrameSink& sink) noexcept {
   cycle_ = k;
@@ -32,12 +39,15 @@ void PlantNode::on_cycle(std::uint32_t k, FrameSink& sink) noexcept {
   const bool is_late = k > 0 && newest_command_ != k - 1;
   truth_ = {k, newest_command_, is_late};
   if (is_late) ++late_cycles_;
-  x_ = plant_.state();
+  x_ = plant_->state();
 
   const double t_s = static_cast<double>(k) * sample_time_s_;
-  schedule_->evaluate(t_s, faults_);
+  faults_.advance(t_s);
   perturbations_.advance(t_s, active_);
-  plant_.measure(u_, faults_, active_, y_);
+  faults_.actuate(u_, u_act_);
+  const PlantDrive drive{u_act_, faults_.components(), active_};
+  plant_->measure(drive, y_);
+  faults_.sense(y_);
   CanFrame frame;
   if (map_->sync) {
     map_->sync->encode(k, newest_command_, frame);
@@ -49,7 +59,7 @@ void PlantNode::on_cycle(std::uint32_t k, FrameSink& sink) noexcept {
     sensor_protectors_[i].protect(frame);
     sink.send(frame);
   }
-  plant_.step(u_, faults_, active_);
+  plant_->step(drive);
 }
 
 void PlantNode::on_frame(const CanFrame& frame) noexcept {

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -10,9 +12,11 @@
 #include "drivers/signal/message_integrity.h"
 #include "drivers/signal/signal_map.h"
 #include "sim/fault_schedule.h"
+#include "sim/integration.h"
 #include "sim/message_assembler.h"
 #include "sim/perturbation_schedule.h"
 #include "sim/plant.h"
+#include "sim/plant_faults.h"
 
 namespace faultline {
 
@@ -29,7 +33,11 @@ struct PlantTruth {
 /// that the map asks for. Owns no socket, thread or clock.
 class PlantNode {
  public:
-  /// `map` and `schedule` must outlive the node. @throws std::invalid_argument as SimulatedPlant.
+  /// `map` and `schedule` must outlive the node. @pre the schedule's components are the plant's
+  PlantNode(std::unique_ptr<SimulatedPlant> plant, const SignalMap& map,
+            const FaultSchedule& schedule, double sample_time_s, const Eigen::VectorXd& x_initial,
+            PerturbationSchedule perturbations = {});
+  /// The same of a plant file's plant. @throws std::invalid_argument as ModelPlant.
   PlantNode(const PlantModel& model, const SignalMap& map, const FaultSchedule& schedule,
             double sample_time_s, const Eigen::VectorXd& x_initial,
             PerturbationSchedule perturbations = {}, const Integration& integration = {});
@@ -52,22 +60,23 @@ class PlantNode {
   /// Sensor values that did not fit their signals and were sent clamped.
   [[nodiscard]] std::uint64_t clamped_values() const noexcept { return clamped_values_; }
   /// False once the plant has diverged past the finite numbers.
-  [[nodiscard]] bool is_finite() const noexcept { return plant_.is_finite(); }
+  [[nodiscard]] bool is_finite() const noexcept { return plant_->is_finite(); }
+  /// Why not: SimulatedPlant::failure.
+  [[nodiscard]] std::string failure() const { return plant_->failure(); }
 
  private:
   const SignalMap* map_;
-  const FaultSchedule* schedule_;
   PerturbationSchedule perturbations_;
-  SimulatedPlant plant_;
+  std::unique_ptr<SimulatedPlant> plant_;
   double sample_time_s_;
   MessageAssembler commands_;
   MessageProtector sync_protector_;
   std::vector<MessageProtector> sensor_protectors_;  // per sensor message
   std::uint32_t cycle_ = 0;
   std::uint32_t newest_command_ = kNoCommand;
-  std::vector<double> u_, y_;
+  std::vector<double> u_, u_act_, y_;
   Eigen::VectorXd x_;
-  ActiveFaults faults_;
+  PlantFaults faults_;
   ActivePerturbations active_;
   PlantTruth truth_;
   std::uint64_t late_cycles_ = 0;

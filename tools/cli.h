@@ -55,5 +55,6 @@ void add_play_command(CLI::App& program, int& exit_code);
 void add_replay_command(CLI::App& program, int& exit_code);
 void add_run_command(CLI::App& program, int& exit_code);
 void add_info_command(CLI::App& program, int& exit_code);
+void add_linearise_command(CLI::App& program, int& exit_code);
 
 }  // namespace faultline

@@ -18,6 +18,7 @@
 #include "tools/bench/endpoints.h"
 #include "tools/bench/lcm_diagnosis.h"
 #include "tools/bench/live_diagnosis.h"
+#include "tools/bench/message_silence.h"
 #include "tools/bench/run_summary.h"
 #include "tools/bench/stop_signal.h"
 #include "tools/bench/verdict_report.h"
@@ -83,6 +84,13 @@ class Report {
     if (!log_.empty()) fmt::print(out_, "  log      {}\n", log_.string());
     std::fflush(out_);
     if (!arguments_->json.empty()) runs_.push_back(run_json(diagnosis));
+  }
+
+  /// What is missed, or back.
+  void show(const std::string& text) const {
+    if (arguments_->is_quiet) return;
+    fmt::print(out_, "  {:>8}    {}\n", "", text);
+    std::fflush(out_);
   }
 
   static void tell(const std::string& text) { fmt::print(stderr, "faultline: {}\n", text); }
@@ -216,9 +224,13 @@ Json listen_to_bus(const DiagnoseArguments& arguments, DiagnosisInputs inputs, R
   inputs.is_initial_state_known = false;
   LiveDiagnosis diagnosis(std::move(inputs), report.open_output(), 0);
   std::uint64_t count = 0, outages = 0;
+  MessageSilence silence(diagnosis.inputs().map, all_messages(diagnosis.inputs().map),
+                         std::chrono::duration_cast<std::chrono::nanoseconds>(
+                             std::chrono::duration<double>(diagnosis.inputs().bank.sample_time_s)));
   session.listen(
       arguments.limits,
       [&](const CanFrame& frame) {
+        silence.count(frame);
         // A frame that the socket dropped has a number, too.
         diagnosis.on_frame(frame, count++ + session.counters().dropped);
       },
@@ -229,6 +241,11 @@ Json listen_to_bus(const DiagnoseArguments& arguments, DiagnosisInputs inputs, R
                          fmt::format("{} was down, {} times so far", arguments.from, outages_now));
         }
         outages = outages_now;
+        for (const MessageSilence::Report& missed :
+             silence.look(std::chrono::steady_clock::now())) {
+          diagnosis.tell_now(missed.is_back ? "info" : "warning", "watchdog", missed.text);
+          report.show(missed.text);
+        }
         diagnosis.attend();
       });
   diagnosis.finish();
@@ -238,7 +255,7 @@ Json listen_to_bus(const DiagnoseArguments& arguments, DiagnosisInputs inputs, R
   return {{"received", counters.received},   {"dropped", counters.dropped},
           {"malformed", counters.malformed}, {"error_frames", counters.error_frames},
           {"bus_offs", counters.bus_offs},   {"restarts", counters.restarts},
-          {"outages", counters.outages}};
+          {"outages", counters.outages},     {"silences", silence.silences()}};
 }
 
 std::optional<DiagnosisInputs> given_inputs(const DiagnoseArguments& arguments) {

@@ -1,5 +1,6 @@
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -15,9 +16,12 @@
 #include "drivers/dbc/dbc_parser.h"
 #include "tools/bank_print.h"
 #include "tools/bench/scenario.h"
+#include "tools/bench/scenario_files.h"
 #include "tools/can/dbc_print.h"
 #include "tools/cli.h"
+#include "tools/controller_print.h"
 #include "tools/log/log_command.h"
+#include "tools/scenario_print.h"
 
 namespace faultline {
 namespace {
@@ -61,63 +65,37 @@ Json info_of_request(const std::filesystem::path& file, std::FILE* out) {
           {"concurrent", request.concurrent}, {"sample_time_s", request.sample_time_s}};
 }
 
-/// [[disturbance]] or [[noise]], as `what` says.
-Json info_of_perturbations(const std::vector<Perturbation>& perturbations, const char* what,
-                           std::FILE* out) {
-  Json json = Json::array();
-  for (const Perturbation& perturbation : perturbations) {
-    fmt::print(out, "  {} {} {} {} from {:g} s{}\n", what, perturbation.target,
-               perturbation_kind_name(perturbation.kind),
-               perturbation.size ? fmt::format("{:g}", *perturbation.size) : "at its bound",
-               perturbation.at_s,
-               perturbation.until_s ? fmt::format(" until {:g} s", *perturbation.until_s) : "");
-    json.push_back({{"target", perturbation.target},
-                    {"kind", perturbation_kind_name(perturbation.kind)},
-                    {"size", perturbation.size ? Json(*perturbation.size) : Json(nullptr)},
-                    {"at_s", perturbation.at_s}});
-  }
+Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
+  const Scenario scenario = read_scenario(file);
+  print_scenario(out, scenario);
+  Json json = scenario_json(scenario);
+  json["controller"] = print_controller(out, scenario);
   return json;
 }
 
-Json info_of_scenario(const std::filesystem::path& file, std::FILE* out) {
-  const Scenario scenario = read_scenario(file);
-  fmt::print(out, "{}: scenario \"{}\", {:g} s\n  plant {}\n  bank  {}\n  dbc   {}\n",
-             file.string(), scenario.name, scenario.duration_s, scenario.plant.string(),
-             scenario.bank.string(), scenario.dbc.string());
-  Json json{{"kind", "scenario"},
-            {"name", scenario.name},
-            {"duration_s", scenario.duration_s},
-            {"plant", scenario.plant.string()},
-            {"bank", scenario.bank.string()},
-            {"dbc", scenario.dbc.string()},
-            {"faults", Json::array()},
-            {"expectations", scenario.expectations.size()}};
-  for (const Injection& injection : scenario.injections) {
-    fmt::print(out, "  fault {:<8} {} {:g} from {:g} s{}\n", injection.target,
-               injection_kind_name(injection.kind), injection.value, injection.at_s,
-               injection.until_s ? fmt::format(" until {:g} s", *injection.until_s) : "");
-    json["faults"].push_back({{"target", injection.target},
-                              {"kind", injection_kind_name(injection.kind)},
-                              {"value", injection.value},
-                              {"at_s", injection.at_s}});
-  }
-  json["disturbances"] = info_of_perturbations(scenario.disturbances, "disturbance", out);
-  json["noises"] = info_of_perturbations(scenario.noises, "noise", out);
-  for (const Expectation& expectation : scenario.expectations) {
-    fmt::print(out, "  expects {} {} from {:g} to {:g} s\n", verdict_name(expectation.verdict),
-               fmt::join(expectation.faults, ", "), expectation.from_s, expectation.until_s);
-  }
-  return json;
+Json info_of_part(const std::filesystem::path& file, std::FILE* out) {
+  const std::vector<std::string> keys = TomlTable::read_file(file).keys();
+  fmt::print(out, "{}: a part that scenarios include: {}\n", file.string(), fmt::join(keys, ", "));
+  return {{"kind", "scenario_part"}, {"keys", keys}};
 }
 
 Json info_of_toml(const std::filesystem::path& file, std::FILE* out) {
-  const TomlTable root = TomlTable::read_file(file);
-  if (root.has("dynamics")) return info_of_plant(file, out);
-  if (root.has("method")) return info_of_request(file, out);
-  if (root.has("duration_s")) return info_of_scenario(file, out);
-  throw root.error("",
-                   "found none of the keys dynamics, method, duration_s, expected a plant, a "
-                   "bank request or a scenario");
+  switch (kind_of_toml(file)) {
+    case TomlKind::kPlant:
+      return info_of_plant(file, out);
+    case TomlKind::kBankRequest:
+      return info_of_request(file, out);
+    case TomlKind::kScenario:
+      return info_of_scenario(file, out);
+    case TomlKind::kPart:
+      return info_of_part(file, out);
+    case TomlKind::kUnknown:
+      break;
+  }
+  throw TomlTable::read_file(file).error(
+      "",
+      "found none of the keys dynamics, method, duration_s, expected a plant, a bank request or a "
+      "scenario");
 }
 
 int info(const std::string& name, const std::string& json_target) {

@@ -120,6 +120,21 @@ void print_side_by_side(std::FILE* out, const BankAnswer& own, const BankAnswer&
   }
 }
 
+/// What TRUTH says that acted, injected live or by the timeline.
+void print_faults(std::FILE* out, const RunReplay& run) {
+  constexpr std::size_t kMostLines = 20;  // an intermittent fault has hundreds of stretches
+  if (!run.faults.empty()) fmt::print(out, "\n  {:>21}   injected\n", "cycles");
+  for (std::size_t i = 0; i < std::min(run.faults.size(), kMostLines); ++i) {
+    const RecordedFault& fault = run.faults[i];
+    const std::string until = fault.until_cycle ? fmt::format("{}", *fault.until_cycle - 1) : "end";
+    fmt::print(out, "  {:>10} .. {:>7}   {} {:.6g} on {}\n", fault.from_cycle, until, fault.kind,
+               fault.value, fault.target);
+  }
+  if (run.faults.size() > kMostLines) {
+    fmt::print(out, "  and {} more stretches\n", run.faults.size() - kMostLines);
+  }
+}
+
 void print_run(std::FILE* out, const RunReplay& run, const std::string& log) {
   const BankAnswer& first = run.answers.front();
   fmt::print(out, "{}: {}{} cycles, {} frames{}{}\n", log, run.name.empty() ? "" : run.name + ", ",
@@ -131,6 +146,7 @@ void print_run(std::FILE* out, const RunReplay& run, const std::string& log) {
   } else {
     print_verdicts(out, first);
   }
+  print_faults(out, run);
   for (const BankAnswer& answer : run.answers) print_expectations(out, answer);
   if (run.verification) print_verification(out, *run.verification);
 }
@@ -180,6 +196,19 @@ Json answer_json(const BankAnswer& answer) {
   return json;
 }
 
+Json faults_json(const RunReplay& run) {
+  Json faults = Json::array();
+  for (const RecordedFault& fault : run.faults) {
+    faults.push_back(
+        {{"target", fault.target},
+         {"kind", fault.kind},
+         {"value", fault.value},
+         {"from_cycle", fault.from_cycle},
+         {"until_cycle", fault.until_cycle ? Json(*fault.until_cycle) : Json(nullptr)}});
+  }
+  return faults;
+}
+
 Json result_json(const ReplayArguments& arguments, const ReplayResult& result) {
   Json json{{"logs", arguments.logs},
             {"wall_s", result.wall_s},
@@ -194,6 +223,7 @@ Json result_json(const ReplayArguments& arguments, const ReplayResult& result) {
          {"frames", run.frames},
          {"missing_frames", run.missing_frames},
          {"ended", run.has_ended},
+         {"faults", faults_json(run)},
          {"verification", run.verification ? verification_json(*run.verification) : Json(nullptr)},
          {"answers", std::move(answers)}});
   }

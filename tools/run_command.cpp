@@ -9,9 +9,11 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <unistd.h>
@@ -27,8 +29,11 @@
 #include "tools/bench/bench.h"
 #include "tools/bench/endpoints.h"
 #include "tools/bench/run_summary.h"
+#include "tools/bench/scenario_files.h"
 #include "tools/can/bus_session.h"
 #include "tools/cli.h"
+#include "tools/error_answer.h"
+#include "tools/run_suite.h"
 
 namespace faultline {
 namespace {
@@ -38,7 +43,8 @@ const std::map<std::string, OverrunPolicy> kOverrunPolicies{{"catch-up", Overrun
                                                             {"stop", OverrunPolicy::kStop}};
 
 struct RunArguments {
-  std::string scenario, bus, log, json, lcm_url;
+  std::vector<std::string> scenarios;
+  std::string plant_library, bus, log, log_folder, json, junit, lcm_url;
   double log_split_MB = 0.0, log_split_s = 0.0;
   std::size_t log_keep = 0;
   bool is_realtime = false;
@@ -103,12 +109,19 @@ std::filesystem::path default_log(const std::string& scenario_name) {
   return file;
 }
 
-int answer(const BenchResult& result) {
-  if (result.is_interrupted) return kExitSignal + result.signal;
-  if (result.stop_reason) {
-    return result.stop_reason->kind == StopReason::Kind::kPlant ? kExitNo : kExitFailure;
+/// FOLDER/NAME.lcm, or FOLDER/NAME-2.lcm if another scenario of this suite has the name too.
+std::filesystem::path log_in(const std::filesystem::path& folder, const std::string& scenario_name,
+                             std::set<std::string>& taken) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) {
+    throw OutputError(
+        fmt::format("cannot make folder {} for the logs: {}", folder.string(), error.message()));
   }
-  return result.history.are_expectations_met() ? kExitYes : kExitNo;
+  const std::string stem = as_file_name(scenario_name);
+  std::string name = stem;
+  for (int i = 2; !taken.insert(name).second; ++i) name = fmt::format("{}-{}", stem, i);
+  return folder / (name + ".lcm");
 }
 
 LogSplit log_split(const RunArguments& arguments) {
@@ -123,8 +136,8 @@ LogSplit log_split(const RunArguments& arguments) {
   return split;
 }
 
-int run(const RunArguments& arguments) {
-  BenchInputs inputs = load_bench_inputs(arguments.scenario);
+/// All but where the log goes and who is told. Adds to the parts what the run alone knows.
+BenchOptions bench_options(const RunArguments& arguments, BenchInputs& inputs) {
   BenchOptions options;
   options.bus = arguments.bus.empty() ? inputs.scenario.bus : arguments.bus;
   options.is_realtime = arguments.is_realtime;
@@ -138,12 +151,21 @@ int run(const RunArguments& arguments) {
     inputs.parts.push_back({"buses", "buses", fmt::format("{}\n", fmt::join(buses, "\n"))});
   }
   if (!arguments.lcm_url.empty()) options.lcm_url = arguments.lcm_url;
+  options.log_split = log_split(arguments);
+  return options;
+}
+
+int run_one(const RunArguments& arguments, ScenarioOutcome& outcome) {
+  BenchInputs inputs = load_bench_inputs(arguments.scenarios.front(), arguments.plant_library);
+  BenchOptions options = bench_options(arguments, inputs);
+  std::set<std::string> taken;
   if (!arguments.log.empty()) {
     options.log = arguments.log;
+  } else if (!arguments.log_folder.empty()) {
+    options.log = log_in(arguments.log_folder, inputs.scenario.name, taken);
   } else if (!arguments.has_no_log) {
     options.log = default_log(inputs.scenario.name);
   }
-  options.log_split = log_split(arguments);
   Progress progress;
   if (!arguments.is_quiet) {
     options.on_progress = [&progress](double t_s, double duration_s, const std::string& verdict) {
@@ -154,22 +176,88 @@ int run(const RunArguments& arguments) {
     progress.clear();
     fmt::print(stderr, "faultline: warning: {}\n", text);
   };
-  const BenchResult result = run_bench(inputs, options);
+  BenchResult result = run_bench(inputs, options);
   if (!arguments.is_quiet) progress.clear();
-  print_summary(human_output(arguments.json), inputs, options, result);
+  print_summary(human_output(arguments.json == "-" ? arguments.json : arguments.junit), inputs,
+                options, result);
   if (!arguments.json.empty()) write_json(summary_json(inputs, options, result), arguments.json);
-  return answer(result);
+  outcome.name = inputs.scenario.name;
+  outcome.error = early_end_text(result);
+  outcome.exit_code = exit_code_of(result);
+  outcome.wall_s = result.wall_s;
+  outcome.result = std::move(result);
+  if (!arguments.junit.empty()) write_junit({outcome}, arguments.junit);
+  return outcome.exit_code;
+}
+
+/// A scenario alone. One that cannot be run is in the JUnit report too.
+int run_one(const RunArguments& arguments) {
+  ScenarioOutcome outcome{.file = arguments.scenarios.front()};
+  outcome.name = outcome.file.stem().string();
+  try {
+    return run_one(arguments, outcome);
+  } catch (const OutputError&) {
+    throw;  // of a report, perhaps of this one
+  } catch (...) {
+    const ErrorAnswer answer = answer_current_exception();
+    outcome.error = answer.text;
+    outcome.exit_code = answer.exit_code;
+    if (!arguments.junit.empty()) write_junit({outcome}, arguments.junit);
+    throw;
+  }
+}
+
+/// Several scenarios: logs are written only where they are asked for.
+int run_several(const RunArguments& arguments) {
+  const auto files = find_scenarios(arguments.scenarios);
+  if (!arguments.log.empty()) {
+    throw std::invalid_argument(
+        "--log: found it with several scenarios, expected --log-dir, a folder for their logs");
+  }
+  std::set<std::string> taken;
+  SuiteOptions options;
+  options.bench_options = [&](BenchInputs& inputs) {
+    BenchOptions bench = bench_options(arguments, inputs);
+    if (!arguments.log_folder.empty()) {
+      bench.log = log_in(arguments.log_folder, inputs.scenario.name, taken);
+    }
+    return bench;
+  };
+  options.is_quiet = arguments.is_quiet;
+  options.json = arguments.json;
+  options.junit = arguments.junit;
+  return run_suite(files, options);
+}
+
+int run(const RunArguments& arguments) {
+  if (arguments.json == "-" && arguments.junit == "-") {
+    throw std::invalid_argument("--junit: found - with --json -, expected a file for one of them");
+  }
+  static_cast<void>(log_split(arguments));
+  const bool is_one = arguments.scenarios.size() == 1 &&
+                      !std::filesystem::is_directory(arguments.scenarios.front());
+  if (!is_one && !arguments.plant_library.empty()) {
+    throw std::invalid_argument(
+        "--plant-lib: found it with several scenarios, expected one: each has a plant of its own");
+  }
+  return is_one ? run_one(arguments) : run_several(arguments);
 }
 
 }  // namespace
 
 void add_run_command(CLI::App& program, int& exit_code) {
   CLI::App* command = program.add_subcommand(
-      "run", "Run a scenario: plant, controller and diagnosis on one bus; write an LCM log");
+      "run", "Run scenarios: plant, controller and diagnosis on one bus; write an LCM log");
   auto arguments = std::make_shared<RunArguments>();
-  command->add_option("SCENARIO", arguments->scenario, "Scenario file (.toml)")
+  command
+      ->add_option("SCENARIO", arguments->scenarios,
+                   "Scenario files (.toml), or folders: all scenarios in them and below. Several "
+                   "run one after the other and give one table")
       ->required()
-      ->check(CLI::ExistingFile);
+      ->check(CLI::ExistingPath);
+  command->add_option(
+      "--plant-lib", arguments->plant_library,
+      "Simulate the plant in this shared library (my.so), whatever the scenario says");
   command->add_option("--bus", arguments->bus,
                       fmt::format("{}; default: the scenario's, else loop", kBusNamesHelp));
   auto* realtime = command->add_flag(
@@ -211,12 +299,21 @@ void add_run_command(CLI::App& program, int& exit_code) {
   keep->type_name("N")->check(CLI::PositiveNumber);
   split_size->type_name("MB")->check(CLI::Range(1e-3, 1e9));
   split_time->type_name("S")->check(CLI::Range(1e-3, 1e9));
+  auto* folder = command->add_option(
+      "--log-dir", arguments->log_folder,
+      "Folder for logs, each called as its scenario; of several scenarios none is written without");
+  folder->excludes(log);
   auto* no_log = command->add_flag("--no-log", arguments->has_no_log, "Write no log");
-  for (CLI::Option* option : {log, split_size, split_time, keep}) no_log->excludes(option);
+  for (CLI::Option* option : {log, folder, split_size, split_time, keep}) no_log->excludes(option);
   command->add_option("--lcm", arguments->lcm_url,
                       "Also publish live, e.g. udpm://239.255.76.67:7667?ttl=0");
   command->add_flag("-q,--quiet", arguments->is_quiet, "No progress on stderr");
   add_json_option(*command, arguments->json);
+  command
+      ->add_option("--junit", arguments->junit,
+                   "Also give the expectations as test cases in JUnit XML: to file F, or - for "
+                   "stdout")
+      ->type_name("F|-");
   command->footer(kExitCodesHelp);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }

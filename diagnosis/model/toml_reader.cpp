@@ -33,6 +33,33 @@ SourcePosition position_of(const toml::source_region& region) {
   return {static_cast<int>(region.begin.line), static_cast<int>(region.begin.column)};
 }
 
+/// The file that the region names: after TomlTable::adopt not the document's for every value.
+std::string file_of(const toml::source_region& region, const std::string& otherwise) {
+  return region.path ? *region.path : otherwise;
+}
+
+/// A list of tables that stand on their own: [[key]].
+toml::array* as_tables(toml::node& value) {
+  toml::array* const list = value.as_array();
+  return list != nullptr && list->is_array_of_tables() ? list : nullptr;
+}
+
+/// See TomlTable::adopt.
+void adopt_into(toml::table& own, toml::table& other) {
+  for (auto&& [key, value] : other) {
+    toml::node* const present = own.get(key.str());
+    if (present == nullptr) {
+      value.visit([&own, &key = key](auto& moved) { own.insert(key, std::move(moved)); });
+    } else if (present->is_table() && value.is_table() && !present->as_table()->is_inline()) {
+      adopt_into(*present->as_table(), *value.as_table());
+    } else if (toml::array* const list = as_tables(*present); list && as_tables(value) != nullptr) {
+      toml::array joined = std::move(*value.as_array());
+      for (toml::node& entry : *list) joined.push_back(std::move(*entry.as_table()));
+      *list = std::move(joined);
+    }
+  }
+}
+
 std::string describe(const toml::node& value) {
   if (const auto* text = value.as_string()) {
     return fmt::format("string \"{}\"", text->get());
@@ -65,7 +92,7 @@ struct Place {
   }
   [[nodiscard]] InputError mismatch(const toml::node& value, std::string_view found,
                                     std::string_view expected) const {
-    return {source, position_of(value.source()),
+    return {file_of(value.source(), source), position_of(value.source()),
             fmt::format("{}: found {}, expected {}", field, found, expected)};
   }
   [[nodiscard]] InputError mismatch(const toml::node& value, std::string_view expected) const {
@@ -183,7 +210,8 @@ struct TomlTable::Access {
   const toml::node& require(std::string_view key, std::string_view expected) {
     const toml::node* value = find(key);
     if (value == nullptr) {
-      throw InputError(document.source, position_of(node.table->source()),
+      throw InputError(file_of(node.table->source(), document.source),
+                       position_of(node.table->source()),
                        fmt::format("{}: found nothing, expected {}", place(key).field, expected));
     }
     return *value;
@@ -209,7 +237,7 @@ struct TomlTable::Access {
       const std::string hint = near ? fmt::format("; did you mean \"{}\"?", *near)
                                     : fmt::format("; known here: {}", fmt::join(node.known, ", "));
       const std::string where = node.path.empty() ? "" : node.path + ": ";
-      throw InputError(document.source, position_of(key.source()),
+      throw InputError(file_of(key.source(), document.source), position_of(key.source()),
                        fmt::format("{}found unknown key \"{}\"{}", where, name, hint));
     }
     for (const std::shared_ptr<Node>& child : node.children) {
@@ -389,6 +417,13 @@ std::vector<std::vector<std::string>> TomlTable::string_lists(std::string_view k
   return lists;
 }
 
+void TomlTable::adopt(TomlTable other) { adopt_into(document_->root, other.document_->root); }
+
+std::string TomlTable::source_of(std::string_view key) const {
+  const toml::node* const value = node_->table->get(key);
+  return file_of((value != nullptr ? *value : *node_->table).source(), document_->source);
+}
+
 std::vector<std::string> TomlTable::keys() const {
   std::vector<std::pair<std::pair<int, int>, std::string>> positioned;
   for (auto&& [key, value] : *node_->table) {
@@ -409,7 +444,8 @@ InputError TomlTable::error(std::string_view key, const std::string& text) const
   const toml::node* value = key.empty() ? nullptr : node_->table->get(key);
   const toml::node& at = value != nullptr ? *value : *node_->table;
   const std::string field = Access{*document_, *node_}.place(key).field;
-  return {document_->source, position_of(at.source()), field.empty() ? text : field + ": " + text};
+  return {file_of(at.source(), document_->source), position_of(at.source()),
+          field.empty() ? text : field + ": " + text};
 }
 
 const std::string& TomlTable::source() const { return document_->source; }

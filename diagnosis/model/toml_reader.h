@@ -76,6 +76,14 @@ class TomlTable {
   /// List of lists of strings, e.g. a structure given as fault sets.
   [[nodiscard]] std::vector<std::vector<std::string>> string_lists(std::string_view key);
 
+  /// Takes over from the root table of another file what this one, a root table too, does not say:
+  /// keys, and those of its tables; an inline table is one value. Lists of tables are joined, those
+  /// of `other` first. What is taken over keeps its place, so that errors point to the other file.
+  /// @pre neither has handed out a table
+  void adopt(TomlTable other);
+  /// Source of the file in which `key` stands; that of the table where it is absent.
+  [[nodiscard]] std::string source_of(std::string_view key) const;
+
   /// All keys in file order, for tables whose keys are names.
   [[nodiscard]] std::vector<std::string> keys() const;
 

@@ -155,6 +155,10 @@ void Sampler::State::push_command(std::size_t index, const CheckedFrame& checked
     return mark(slot, kSampleRepeated, checked, MessageFault::kRepeated);
   }
   if (checked.fault != MessageFault::kNone) {
+    // The sample in which it should act, or where that has closed the next one.
+    if (cycles_ahead(next, counter) > 1) {
+      return mark_pending(kSampleChecksum, checked, checked.fault);
+    }
     return mark(slot, kSampleChecksum, checked, checked.fault);
   }
   slot.arrived[index] = 1;

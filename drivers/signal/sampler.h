@@ -58,7 +58,9 @@ struct SamplerCounters {
 /// marks the next sample to close. One whose alive counter repeated or left its sequence is not
 /// used, and marks the sample of its cycle. One after a gap is good: the samples that lack the
 /// frames lost are bad already; only a message without cycle counter marks its sample, as nothing
-/// else tells. The unit's messages that a bad sample lacks, or that marked it, are to blame.
+/// else tells. A command refused for its counter, or doubled, marks the sample in which it should
+/// act, also where the unit refused it too and acts on an older one (c_k says so). The unit's
+/// messages that a bad sample lacks, or that marked it, are to blame.
 ///
 /// Bus order. Where the map has no SYNC, no c_k, or a mapped message without counter, samples carry
 /// kSampleBusOrder. Without SYNC the sensors' counters count the cycles; if one has none, a cycle

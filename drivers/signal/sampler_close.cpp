@@ -118,6 +118,7 @@ void Sampler::State::close_inputs(const CycleSlot& slot) noexcept {
     has_used_command = false;
     return;
   }
+  if (slot.command_cycle != sample.cycle - 1) mark_for_unused_answer(sample.cycle - 1);
   has_closed_command = true;
   closed_command = slot.command_cycle;
   CommandSlot* const command = commands.find(slot.command_cycle);
@@ -140,6 +141,17 @@ void Sampler::State::close_inputs(const CycleSlot& slot) noexcept {
   u.take(command->u, command->u_known);
   has_used_command = command->arrived_count == map.command_messages.size() && command->flags == 0;
   used_command = slot.command_cycle;
+}
+
+/// The command that should act in this cycle does not, because the unit refused it, as we did: that
+/// marks the sample, though it is known what acts.
+void Sampler::State::mark_for_unused_answer(std::uint32_t counter) noexcept {
+  CommandSlot* const command = commands.find(counter);
+  if (command == nullptr || (command->flags & kBadSample) == 0) return;
+  sample.flags |= command->flags;
+  if (sample.blame.fault == MessageFault::kNone) sample.blame = command->blame;
+  command->flags = 0;
+  command->blame = {};
 }
 
 void Sampler::State::close_inputs_in_bus_order(const CycleSlot& slot) noexcept {

@@ -71,6 +71,7 @@ struct Sampler::State {
   void close(CycleSlot* slot) noexcept;
   void close_outputs(const CycleSlot& slot) noexcept;
   void close_inputs(const CycleSlot& slot) noexcept;
+  void mark_for_unused_answer(std::uint32_t counter) noexcept;
   void close_inputs_in_bus_order(const CycleSlot& slot) noexcept;
   void blame_missing(std::size_t message) noexcept;
 

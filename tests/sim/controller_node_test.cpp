@@ -47,8 +47,8 @@ TEST(ControllerNode, AddsASineOnEachInputByTheCycle) {
   const FaultSchedule schedule(model, {});
   PlantNode plant(model, map, schedule, 0.1, model.x_operating);
   ControlLaw law = open_loop(model, kNoFeedforward);
-  law.amplitude[0] = 4.0;
-  law.omega_rad[0] = 0.3;
+  law.base.amplitude[0] = 4.0;
+  law.base.omega_rad[0] = 0.3;
   ControllerNode controller(map, law);
   for (const std::uint32_t k : {0U, 1U, 7U}) {
     RecordingSink from_plant;

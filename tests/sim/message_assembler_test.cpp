@@ -61,5 +61,25 @@ TEST_F(MessageAssemblerTest, IgnoresRepeatsOthersAndShortPayloads) {
   EXPECT_EQ(assembler_.values(5)[0], 1.0);
 }
 
+TEST(MessageAssembler, RefusesWhatIsProtectedAndWrong) {
+  const SignalMap map = protected_double_integrator_map();
+  MessageAssembler assembler(map.command_messages, 1);
+  MessageProtector protector(map.command_messages[0].protection);
+  const auto command = [&](std::uint32_t counter, double force) {
+    CanFrame frame;
+    map.command_messages[0].encode(std::array<double, 1>{force}, counter, frame);
+    protector.protect(frame);
+    return frame;
+  };
+  const CanFrame first = command(0, 1.0);
+  EXPECT_EQ(assembler.push(first, 0), 0U);
+  CanFrame corrupted = command(1, 2.0);
+  corrupted.data[0] ^= 1;
+  EXPECT_FALSE(assembler.push(corrupted, 0));
+  EXPECT_EQ(assembler.refused_frames(), 1U);
+  EXPECT_EQ(assembler.push(command(2, 3.0), 1), 2U) << "the next good one counts";
+  EXPECT_EQ(assembler.values(2)[0], 3.0);
+}
+
 }  // namespace
 }  // namespace faultline

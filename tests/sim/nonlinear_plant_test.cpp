@@ -7,8 +7,9 @@
 #include <gtest/gtest.h>
 
 #include "diagnosis/model/plant_file.h"
+#include "sim/model_plant.h"
 #include "sim/perturbation_schedule.h"
-#include "sim/plant.h"
+#include "sim/plant_faults.h"
 #include "tests/sim/test_plants.h"
 #include "tests/support/allocation_guard.h"
 
@@ -37,11 +38,11 @@ PlantModel pendulum() {
 // |x(2) - exact| of x' = -tanh x, x(0) = 2, four samples of half a second; sinh x = e^-t sinh 2.
 double rk4_error(int substeps) {
   const PlantModel model = scalar_plant(0.0, -1.0, {.kind = FunctionKind::kTanh});
-  SimulatedPlant plant(model, 0.5, {.method = kRk4, .substeps = substeps});
+  ModelPlant plant(model, 0.5, {.method = kRk4, .substeps = substeps});
   plant.reset(Eigen::VectorXd::Constant(1, 2.0));
-  const ActiveFaults none = FaultSchedule(model, {}).none();
+  const std::vector<double> none = no_faults(model);
   const std::array<double, 1> u{0.0};
-  for (int k = 0; k < 4; ++k) plant.step(u, none, {});
+  for (int k = 0; k < 4; ++k) plant.step({u, none, {}});
   return std::abs(plant.state()[0] - std::asinh(std::exp(-2.0) * std::sinh(2.0)));
 }
 
@@ -56,12 +57,12 @@ TEST(NonlinearPlant, ConvergesToTheAnalyticSolutionWithOrderFour) {
 
 TEST(NonlinearPlant, KeepsTheEnergyOfAPendulum) {
   const PlantModel model = pendulum();
-  SimulatedPlant plant(model, 0.01);  // Runge-Kutta by itself
+  ModelPlant plant(model, 0.01);  // Runge-Kutta by itself
   plant.reset(Eigen::Vector2d(2.5, 0.0));
-  const ActiveFaults none = FaultSchedule(model, {}).none();
+  const std::vector<double> none = no_faults(model);
   const std::array<double, 1> u{0.0};
   for (int k = 0; k < 10'000; ++k) {
-    plant.step(u, none, {});
+    plant.step({u, none, {}});
     const double energy = 0.5 * plant.state()[1] * plant.state()[1] - std::cos(plant.state()[0]);
     ASSERT_NEAR(energy, -std::cos(2.5), 1e-11) << k;
   }
@@ -70,8 +71,7 @@ TEST(NonlinearPlant, KeepsTheEnergyOfAPendulum) {
 TEST(NonlinearPlant, HoldsCommandsFaultsAndDisturbancesOverTheSample) {
   // x' = -2 x + 3 + 0.5 - 0.2·0.5: φ adds nothing, the solution is that of a linear equation.
   const PlantModel model = scalar_plant(-2.0, 0.0, {.kind = FunctionKind::kSin});
-  ActiveFaults faults = FaultSchedule(model, {}).none();
-  faults.component[0] = 0.5;
+  const std::vector<double> faults{0.5};
   const ActivePerturbations acting{Eigen::VectorXd::Constant(1, -0.2), Eigen::VectorXd::Zero(2)};
   const std::array<double, 1> u{3.0};
   constexpr double kT_s = 0.25;
@@ -79,27 +79,27 @@ TEST(NonlinearPlant, HoldsCommandsFaultsAndDisturbancesOverTheSample) {
   const double expected =
       std::exp(-2.0 * kT_s) * 0.7 + (1.0 - std::exp(-2.0 * kT_s)) / 2.0 * kDrive;
   for (const IntegrationMethod method : {kZoh, kRk4}) {
-    SimulatedPlant plant(model, kT_s, {.method = method, .substeps = 200});
+    ModelPlant plant(model, kT_s, {.method = method, .substeps = 200});
     plant.reset(Eigen::VectorXd::Constant(1, 0.7));
-    plant.step(u, faults, acting);
+    plant.step({u, faults, acting});
     EXPECT_NEAR(plant.state()[0], expected, 1e-12) << integration_method_name(method);
   }
 }
 
 TEST(NonlinearPlant, HoldsTheNonlinearityUnderZohAndFollowsTheTangentUnderEuler) {
   const PlantModel model = scalar_plant(-2.0, 3.0, {.kind = FunctionKind::kSin});
-  const ActiveFaults none = FaultSchedule(model, {}).none();
+  const std::vector<double> none = no_faults(model);
   const std::array<double, 1> u{1.5};
   constexpr double kT_s = 0.25;
   const double drive = 1.5 + 3.0 * std::sin(0.7);
-  SimulatedPlant zoh(model, kT_s, {.method = kZoh});
+  ModelPlant zoh(model, kT_s, {.method = kZoh});
   zoh.reset(Eigen::VectorXd::Constant(1, 0.7));
-  zoh.step(u, none, {});
+  zoh.step({u, none, {}});
   EXPECT_NEAR(zoh.state()[0],
               std::exp(-2.0 * kT_s) * 0.7 + (1.0 - std::exp(-2.0 * kT_s)) / 2.0 * drive, 1e-15);
-  SimulatedPlant euler(model, kT_s, {.method = kEuler});
+  ModelPlant euler(model, kT_s, {.method = kEuler});
   euler.reset(Eigen::VectorXd::Constant(1, 0.7));
-  euler.step(u, none, {});
+  euler.step({u, none, {}});
   EXPECT_NEAR(euler.state()[0], 0.7 + kT_s * (-2.0 * 0.7 + drive), 1e-15);
 }
 
@@ -107,43 +107,41 @@ TEST(NonlinearPlant, StepsInDiscreteTimeByItsOwnEquation) {
   PlantModel model = scalar_plant(0.9, 3.0, {.kind = FunctionKind::kSaturation, .width = 0.5});
   model.time = TimeDomain::kDiscrete;
   model.sample_time_s = 0.1;
-  SimulatedPlant plant(model, 0.1);
+  ModelPlant plant(model, 0.1);
   plant.reset(Eigen::VectorXd::Constant(1, 0.7));
   const ActivePerturbations acting{Eigen::VectorXd::Constant(1, 0.1), Eigen::VectorXd::Zero(2)};
-  plant.step(std::array<double, 1>{-1.0}, FaultSchedule(model, {}).none(), acting);
+  plant.step({std::array<double, 1>{-1.0}, no_faults(model), acting});
   EXPECT_DOUBLE_EQ(plant.state()[0], 0.9 * 0.7 - 1.0 + 3.0 * 0.5 + 0.5 * 0.1);
 }
 
 TEST(NonlinearPlant, TakesTheNonlinearityAboutTheOperatingPoint) {
   PlantModel model = scalar_plant(0.0, 1.0, {.kind = FunctionKind::kSin});
   model.x_operating[0] = 5.0;
-  SimulatedPlant plant(model, 0.1, {.method = kEuler});
+  ModelPlant plant(model, 0.1, {.method = kEuler});
   plant.reset(Eigen::VectorXd::Constant(1, 5.5));
-  plant.step(std::array<double, 1>{0.0}, FaultSchedule(model, {}).none(), {});
+  plant.step({std::array<double, 1>{0.0}, no_faults(model), {}});
   EXPECT_DOUBLE_EQ(plant.state()[0], 5.0 + 0.5 + 0.1 * std::sin(0.5));
 }
 
-TEST(NonlinearPlant, MeasuresDisturbancesAndNoiseBeforeTheFaultsOfItsSensors) {
+TEST(NonlinearPlant, MeasuresDisturbancesAndNoise) {
   const PlantModel model = scalar_plant(0.0, 1.0, {.kind = FunctionKind::kSin});
-  SimulatedPlant plant(model, 0.1);
+  ModelPlant plant(model, 0.1);
   plant.reset(Eigen::VectorXd::Constant(1, 0.7));
-  ActiveFaults faults = FaultSchedule(model, {}).none();
-  faults.output_gain[0] = 0.5;
-  faults.output_bias[0] = 10.0;
+  const std::vector<double> faults = no_faults(model);
   const ActivePerturbations acting{Eigen::VectorXd::Constant(1, 0.01), Eigen::Vector2d(0.02, 0.03)};
   std::array<double, 1> y{};
-  plant.measure(std::array<double, 1>{4.0}, faults, acting, y);
-  EXPECT_NEAR(y[0], 0.5 * (0.7 + 0.25 * 4.0 + 2.0 * 0.01 + 3.0 * 0.02 + 4.0 * 0.03) + 10.0, 1e-14);
+  plant.measure({std::array<double, 1>{4.0}, faults, acting}, y);
+  EXPECT_NEAR(y[0], 0.7 + 0.25 * 4.0 + 2.0 * 0.01 + 3.0 * 0.02 + 4.0 * 0.03, 1e-14);
 }
 
 TEST(NonlinearPlant, IsNotFiniteOnceItHasDiverged) {
   const PlantModel model = scalar_plant(50.0, 1.0, {.kind = FunctionKind::kTanh});
   for (const IntegrationMethod method : {kZoh, kEuler, kRk4}) {
-    SimulatedPlant plant(model, 1.0, {.method = method});
+    ModelPlant plant(model, 1.0, {.method = method});
     plant.reset(Eigen::VectorXd::Constant(1, 1.0));
-    const ActiveFaults none = FaultSchedule(model, {}).none();
+    const std::vector<double> none = no_faults(model);
     EXPECT_TRUE(plant.is_finite());
-    for (int k = 0; k < 1000; ++k) plant.step(std::array<double, 1>{0.0}, none, {});
+    for (int k = 0; k < 1000; ++k) plant.step({std::array<double, 1>{0.0}, none, {}});
     EXPECT_FALSE(plant.is_finite());
   }
 }
@@ -157,13 +155,14 @@ TEST(NonlinearPlant, AnswersToTheBitAsALinearPlantWhereNothingNonlinearActs) {
                          .output = Eigen::Vector2d::Zero(),
                          .bound = 1.0}};
   model.noises = {{.name = "n", .output = Eigen::Vector2d::Ones(), .bound = 1.0, .sigma = {}}};
-  SimulatedPlant alone(linear, 0.1), beside(model, 0.1), zoh(model, 0.1, {.method = kZoh});
+  ModelPlant alone(linear, 0.1), beside(model, 0.1), zoh(model, 0.1, {.method = kZoh});
   const FaultSchedule schedule(linear, {{.target = "leak", .value = 0.3, .at_s = 1.0}});
-  ActiveFaults faults = schedule.none();
+  PlantFaults faults(schedule, 0.1);
   for (int k = 0; k < 100; ++k) {
-    schedule.evaluate(k * 0.1, faults);
-    const std::array<double, 1> u{std::sin(0.3 * k)};
-    for (SimulatedPlant* plant : {&alone, &beside, &zoh}) plant->step(u, faults, {});
+    faults.advance(k * 0.1);
+    std::array<double, 1> u{std::sin(0.3 * k)};
+    faults.actuate(u, u);
+    for (ModelPlant* plant : {&alone, &beside, &zoh}) plant->step({u, faults.components(), {}});
     ASSERT_EQ(alone.state(), beside.state());
     ASSERT_EQ(alone.state(), zoh.state());
   }
@@ -172,25 +171,26 @@ TEST(NonlinearPlant, AnswersToTheBitAsALinearPlantWhereNothingNonlinearActs) {
 TEST(NonlinearPlant, StepsARobotByEulerAsItsDiscreteFileSays) {
   const PlantModel continuous = robot("plant.toml");
   const PlantModel discrete = robot("plant_euler.toml");
-  SimulatedPlant a(continuous, 0.01, {.method = kEuler}), b(discrete, 0.01);
+  ModelPlant a(continuous, 0.01, {.method = kEuler}), b(discrete, 0.01);
   const std::vector<Perturbation> all{{.target = "all"}};
   PerturbationSchedule source_a(continuous, all, all, 3), source_b(discrete, all, all, 3);
   ActivePerturbations acting_a = source_a.none(), acting_b = source_b.none();
   const FaultSchedule schedule(continuous, {{.target = "u1", .value = 0.3, .at_s = 1.0}});
-  ActiveFaults faults = schedule.none();
+  PlantFaults faults(schedule, 0.01);
   std::array<double, 3> y_a{}, y_b{};
   double largest = 0.0;
   for (int k = 0; k < 1000; ++k) {
     const double t_s = 0.01 * k;
-    schedule.evaluate(t_s, faults);
+    faults.advance(t_s);
     source_a.advance(t_s, acting_a);
     source_b.advance(t_s, acting_b);
-    const std::array<double, 1> u{std::sin(t_s)};
-    a.measure(u, faults, acting_a, y_a);
-    b.measure(u, faults, acting_b, y_b);
+    std::array<double, 1> u{std::sin(t_s)};
+    faults.actuate(u, u);
+    a.measure({u, faults.components(), acting_a}, y_a);
+    b.measure({u, faults.components(), acting_b}, y_b);
     for (std::size_t i = 0; i < 3; ++i) ASSERT_NEAR(y_a[i], y_b[i], 1e-11) << k;
-    a.step(u, faults, acting_a);
-    b.step(u, faults, acting_b);
+    a.step({u, faults.components(), acting_a});
+    b.step({u, faults.components(), acting_b});
     largest = std::max(largest, a.state().cwiseAbs().maxCoeff());
   }
   EXPECT_GT(largest, 0.1) << "it must have moved";
@@ -205,18 +205,19 @@ TEST(NonlinearPlant, DoesNotAllocateWhileItRuns) {
                                         .frequency_Hz = 5.0}});
   const std::vector<Perturbation> all{{.target = "all"}};
   for (const IntegrationMethod method : {kZoh, kEuler, kRk4}) {
-    SimulatedPlant plant(model, 0.01, {.method = method});
+    ModelPlant plant(model, 0.01, {.method = method});
     PerturbationSchedule perturbations(model, all, all, 1);
-    ActiveFaults faults = schedule.none();
+    PlantFaults faults(schedule, 0.01);
     ActivePerturbations acting = perturbations.none();
-    const std::array<double, 1> u{0.5};
+    std::array<double, 1> u{0.5};
     std::array<double, 3> y{};
     const AllocationGuard guard;
     for (int k = 0; k < 1000; ++k) {
-      schedule.evaluate(k * 0.01, faults);
+      faults.advance(k * 0.01);
+      faults.actuate(u, u);
       perturbations.advance(k * 0.01, acting);
-      plant.measure(u, faults, acting, y);
-      plant.step(u, faults, acting);
+      plant.measure({u, faults.components(), acting}, y);
+      plant.step({u, faults.components(), acting});
     }
     EXPECT_EQ(guard.heap_calls(), 0U) << integration_method_name(method);
   }

@@ -1,6 +1,8 @@
 #include "sim/perturbation_schedule.h"
 
+#include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -205,6 +207,101 @@ TEST(PerturbationSchedule, RefusesATargetWithoutABoundUnlessItsSizeIsGiven) {
 
 TEST(PerturbationSchedule, DoesNotAllocateWhileItRuns) {
   PerturbationSchedule schedule(plant(), {{.target = "wind"}}, {{.target = "hum"}}, kSeed);
+  ActivePerturbations acting = schedule.none();
+  const AllocationGuard guard;
+  for (int k = 0; k < 1000; ++k) schedule.advance(k * kT_s, acting);
+  EXPECT_EQ(guard.heap_calls(), 0U);
+}
+
+using enum PerturbationKind;
+
+std::shared_ptr<const RecordedSignal> record() {
+  return std::make_shared<const RecordedSignal>("t_s,wind,gust\n0,1,-7\n0.02,3,1\n0.04,3,1\n",
+                                                "w.csv");
+}
+
+TEST(PerturbationSchedule, DrawsNormalNumbersOfTheDeviationAskedFor) {
+  constexpr int kCount = 20000;
+  const std::vector<double> values =
+      winds({{.target = "wind", .kind = kGaussian, .sigma = 0.5}}, {}, kSeed, kCount);
+  double sum = 0.0, squares = 0.0, fourths = 0.0;
+  for (const double value : values) {
+    sum += value;
+    squares += value * value;
+    fourths += std::pow(value, 4);
+  }
+  // Four standard errors of mean, variance and fourth moment of a normal distribution.
+  const double root = std::sqrt(kCount);
+  EXPECT_NEAR(sum / kCount, 0.0, 4.0 * 0.5 / root);
+  EXPECT_NEAR(squares / kCount, 0.25, 4.0 * std::sqrt(2.0) * 0.25 / root);
+  EXPECT_NEAR(fourths / kCount, 3.0 * 0.0625, 4.0 * std::sqrt(96.0) * 0.0625 / root);
+}
+
+TEST(PerturbationSchedule, TakesTheDeviationFromThePlantFileOrAsksForIt) {
+  EXPECT_STREQ(refusal({}, {{.target = "hiss", .kind = kGaussian}}).what(), "nothing: was refused");
+  const ScheduleError error = refusal({}, {{.target = "hum", .kind = kGaussian}});
+  EXPECT_EQ(error.field(), "sigma");
+  EXPECT_THAT(error.what(), HasSubstr("\"hum\" has no sigma"));
+}
+
+TEST(PerturbationSchedule, WarnsOfNormalNumbersWhereThePlantFileHasABound) {
+  const PerturbationSchedule schedule(
+      plant(), {},
+      {{.target = "hum", .kind = kGaussian, .sigma = 0.01}, {.target = "hiss", .kind = kGaussian}},
+      kSeed);
+  EXPECT_THAT(
+      schedule.warnings(),
+      ElementsAre(HasSubstr("noise \"hum\" is normally distributed, beyond its bound 0.2")));
+}
+
+TEST(PerturbationSchedule, FollowsARecordFromItsBeginning) {
+  const std::vector<double> values =
+      winds({{.target = "wind", .kind = kRecorded, .size = 2.0, .record = record(), .at_s = 0.05}},
+            {}, kSeed, 12);
+  for (int k = 0; k < 12; ++k) {
+    const double expected = k < 5 ? 0.0 : 2.0 * std::min(3.0, 1.0 + (k - 5));
+    EXPECT_NEAR(values[static_cast<std::size_t>(k)], expected, 1e-6) << k;
+  }
+}
+
+TEST(PerturbationSchedule, WarnsOfARecordBeyondTheBound) {
+  const auto warnings = [](double size) {
+    return PerturbationSchedule(plant(),
+                                {{.target = "wind",
+                                  .kind = kRecorded,
+                                  .size = size,
+                                  .column = "gust",
+                                  .record = record()}},
+                                {}, kSeed)
+        .warnings();
+  };
+  EXPECT_THAT(warnings(0.1 / 7.0), IsEmpty());
+  EXPECT_THAT(warnings(-0.2 / 7.0), ElementsAre(HasSubstr("may reach 0.2")));
+}
+
+TEST(PerturbationSchedule, RefusesFrequenciesFromHalfTheSampleRateOn) {
+  const auto refused = [](const Perturbation& perturbation) {
+    try {
+      const PerturbationSchedule schedule(plant(), {perturbation}, {}, kSeed, kT_s);
+    } catch (const ScheduleError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_THAT(refused({.target = "wind", .kind = kSinusoid, .frequency_Hz = 50.0}),
+              HasSubstr("frequency_Hz: found 50, expected less than half the sample rate: 50 Hz"));
+  EXPECT_THAT(refused({.target = "wind", .kind = kBandLimited, .sigma = 1.0, .to_Hz = 60.0}),
+              HasSubstr("to_Hz: found 60"));
+  EXPECT_EQ(refused({.target = "wind", .kind = kBandLimited, .sigma = 1.0, .to_Hz = 49.0}), "");
+}
+
+TEST(PerturbationSchedule, DoesNotAllocateWhateverActs) {
+  PerturbationSchedule schedule(
+      plant(),
+      {{.target = "wind", .kind = kGaussian, .sigma = 1.0},
+       {.target = "wind", .kind = kBandLimited, .sigma = 1.0, .from_Hz = 1.0, .to_Hz = 3.0},
+       {.target = "wind", .kind = kRecorded, .record = record(), .is_repeated = true}},
+      {}, kSeed, kT_s);
   ActivePerturbations acting = schedule.none();
   const AllocationGuard guard;
   for (int k = 0; k < 1000; ++k) schedule.advance(k * kT_s, acting);

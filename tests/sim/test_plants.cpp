@@ -1,6 +1,7 @@
 #include "tests/sim/test_plants.h"
 
 #include "drivers/dbc/dbc_parser.h"
+#include "sim/fault_schedule.h"
 
 namespace faultline {
 
@@ -55,6 +56,10 @@ PlantModel scalar_plant(double a, double gain, const NonlinearFunction& function
                            .slope_max = slopes.max}};
   plant.x_operating = plant.u_operating = plant.y_operating = Eigen::VectorXd::Zero(1);
   return plant;
+}
+
+std::vector<double> no_faults(const PlantModel& plant) {
+  return std::vector<double>(fault_targets(plant).components.size(), 0.0);
 }
 
 SignalMap double_integrator_map() {

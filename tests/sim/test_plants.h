@@ -16,6 +16,9 @@ namespace faultline {
 /// zero; wind is bounded by 0.1, hum by 0.2, hiss not.
 [[nodiscard]] PlantModel scalar_plant(double a, double gain, const NonlinearFunction& function);
 
+/// No fault of the plant file: one zero for each.
+[[nodiscard]] std::vector<double> no_faults(const PlantModel& plant);
+
 /// SYNC, one sensor message per output and one command message, resolution 2^-10, 8-bit counters.
 [[nodiscard]] SignalMap double_integrator_map();
 

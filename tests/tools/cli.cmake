@@ -1,7 +1,8 @@
 # The program as a user meets it.
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 
-foreach(test IN ITEMS can_cli design_cli doctor_cli faultline_cli integrity_cli lcm_logger log_cli playback replay_cli)
+foreach(test IN ITEMS can_cli design_cli doctor_cli faultline_cli inject integrity_cli lcm_logger log_cli nodes
+             playback replay_cli suite_cli)
   add_test(NAME ${test} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/${test}_test.py)
   set_tests_properties(${test} PROPERTIES
     TIMEOUT 240 # the playbacks take 75 s on a quiet machine: most of it is waiting
@@ -25,4 +26,12 @@ if(NOT FAULTLINE_SANITIZER)
     LABELS vcan
     TIMEOUT 150
     ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>;WITH_VCAN_INIT=$<TARGET_FILE:vcan_init>")
+
+  add_test(NAME nodes_vcan
+    COMMAND ${PROJECT_SOURCE_DIR}/tools/with-vcan -t 280 -i vcan0 --
+            ${Python3_EXECUTABLE} ${CMAKE_CURRENT_SOURCE_DIR}/nodes_test.py Nodes.test_each_node_may_die_and_come_back)
+  set_tests_properties(nodes_vcan PROPERTIES
+    LABELS vcan
+    TIMEOUT 300
+    ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>;WITH_VCAN_INIT=$<TARGET_FILE:vcan_init>;NODES_BUS=can:vcan0")
 endif()

@@ -1,6 +1,7 @@
 #include "tools/bench/bench.h"
 
 #include <cmath>
+#include <stdexcept>
 
 #include <fmt/format.h>
 
@@ -38,18 +39,30 @@ RunPublisher make_publisher(const BenchInputs& inputs, const BenchOptions& optio
   return {inputs, diagnosis.decision_table().sets(), std::move(log), std::move(live)};
 }
 
+/// A real unit that answers must be on the bus.
+void check_external_controller(const BenchInputs& inputs, const BenchOptions& options) {
+  if (inputs.scenario.controller.kind != ControllerKind::kExternal || options.bus != "loop") return;
+  throw std::invalid_argument(
+      fmt::format("bus: found \"loop\", expected {}: the controller of scenario \"{}\" is "
+                  "external, and loop lies within this process",
+                  "a bus that it is on, e.g. can:vcan0", inputs.scenario.name));
+}
+
 }  // namespace
 
 BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
     : inputs(inputs_),
       options(options_),
       buses(open_endpoints(options.bus, inputs.map, options.has_probe)),
-      plant(inputs.plant, inputs.map, inputs.schedule, inputs.bank.sample_time_s, inputs.x_initial,
-            inputs.perturbations, inputs.scenario.integration),
-      controller(inputs.map, inputs.control_law),
+      schedule(inputs.schedule),
+      plant(inputs.make_plant(), inputs.map, schedule, inputs.bank.sample_time_s, inputs.x_initial,
+            inputs.perturbations),
+      controller(inputs.map, inputs.make_controller()),
+      plant_faults(inputs.map, schedule, BenchNode::kPlant, inputs.bank.sample_time_s),
+      controller_faults(inputs.map, schedule, BenchNode::kController, inputs.bank.sample_time_s),
       diagnosis(inputs.map, inputs.bank, inputs.is_initial_state_known),
       publisher(make_publisher(inputs, options, diagnosis)),
-      history(inputs.bank, diagnosis.decision_table().sets(), inputs.scenario, inputs.schedule),
+      history(inputs.bank, diagnosis.decision_table().sets(), inputs.scenario, schedule),
       watched_(buses_to_watch(*buses.diagnosis)),
       start_(steady_clock::now()),
       next_flush_(start_ + kFlushPeriod),
@@ -60,11 +73,18 @@ BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
                        std::lround(inputs.scenario.duration_s / inputs.bank.sample_time_s)) +
                    1),
       next_stats_utime_(start_utime_) {
+  if (options.lcm_url && can_listen_to(*options.lcm_url)) {
+    injection_.emplace(*options.lcm_url, schedule, inputs.bank.sample_time_s);
+  }
   publisher.publish_parts(start_utime_);
-  publisher.publish_event(-1, "info", "bench",
-                          fmt::format("{} on {}, {}", inputs.scenario.name, options.bus,
-                                      options.is_realtime ? "in real time" : "in lock-step"),
-                          start_utime_);
+  publisher.publish_event(
+      -1, "info", "bench",
+      fmt::format("{} on {}, {}, seed {}", inputs.scenario.name, options.bus,
+                  options.is_realtime ? "in real time" : "in lock-step", inputs.scenario.seed),
+      start_utime_);
+  for (const std::string& warning : inputs.warnings) {
+    publisher.publish_event(-1, "warning", "bench", warning, start_utime_);
+  }
   for (const std::string& warning : inputs.perturbations.warnings()) {
     publisher.publish_event(-1, "warning", "bench", warning, start_utime_);
   }
@@ -154,8 +174,16 @@ bool BenchRun::attend(double t_s, std::int64_t utime) {
   return signal_ != 0 || stop_reason_.has_value();
 }
 
+void BenchRun::take_injections(std::uint32_t free_cycle, std::int64_t utime) {
+  if (!injection_) return;
+  injection_->attend(free_cycle, [&](const char* severity, const std::string& text) {
+    publisher.publish_event(free_cycle, severity, "inject", text, utime);
+    publisher.flush();
+  });
+}
+
 void BenchRun::on_truth(const PlantTruth& truth, const Eigen::VectorXd& x, std::int64_t utime) {
-  publisher.publish_truth(truth, inputs.schedule.injections(), x, utime);
+  publisher.publish_truth(truth, schedule, x, utime);
   ++seen_.cycles;
   if (truth.is_late) ++seen_.late_cycles;
   if (is_stats_due(utime)) {
@@ -194,6 +222,7 @@ BenchResult BenchRun::finish(std::int64_t utime) {
   }
   RunCounters final_counters = counters_now();
   final_counters.clamped_values = plant.clamped_values() + controller.clamped_values();
+  final_counters.frame_faults = plant_faults.counters() + controller_faults.counters();
   publisher.publish_stats(final_counters, latencies, plant.truth().cycle, utime, true);
   publisher.close();
   const std::chrono::duration<double> wall = steady_clock::now() - start_;
@@ -208,6 +237,7 @@ BenchResult BenchRun::finish(std::int64_t utime) {
 }
 
 BenchResult run_bench(const BenchInputs& inputs, const BenchOptions& options) {
+  check_external_controller(inputs, options);
   BenchRun run(inputs, options);
   if (options.is_realtime) {
     run_realtime(run);

@@ -78,7 +78,7 @@ struct BenchResult {
 /// begins when the commands of cycle k are complete) or in real time. Handles SIGINT and SIGTERM:
 /// stops cleanly, log closed.
 /// @throws BusError, MessageSinkError the bus, the log or LCM failed; std::invalid_argument bus
-/// name.
+/// name, or the bus loop with an external controller.
 [[nodiscard]] BenchResult run_bench(const BenchInputs& inputs, const BenchOptions& options);
 
 }  // namespace faultline

@@ -4,7 +4,6 @@
 #include <fstream>
 #include <functional>
 #include <iterator>
-#include <numbers>
 #include <system_error>
 
 #include <fmt/format.h>
@@ -13,8 +12,9 @@
 #include "diagnosis/model/plant_file.h"
 #include "diagnosis/model/toml_reader.h"
 #include "drivers/dbc/dbc_parser.h"
-#include "sim/plant.h"
 #include "tools/bench/bank_cache.h"
+#include "tools/bench/bench_parts.h"
+#include "tools/bench/controller_plan.h"
 
 namespace faultline {
 namespace {
@@ -22,22 +22,19 @@ namespace {
 /// Cycles are counted in 32 bits on the bus, and the largest number says "no command yet".
 constexpr double kMaxCycles = kNoCommand;
 
-InputError error_in(const Scenario& scenario, SourcePosition position, const std::string& text) {
-  return {scenario.file.string(), position, text};
-}
-
 /// The file that the scenario names under `key`.
 const std::filesystem::path& require_file(const Scenario& scenario, std::string_view key,
                                           const std::filesystem::path& file) {
   std::error_code error;
   const auto type = std::filesystem::status(file, error).type();
   if (type == std::filesystem::file_type::not_found) {
-    throw error_in(scenario, position_in(scenario, "", key),
-                   fmt::format("{}: found no file {}, expected one", key, file.string()));
+    throw scenario_error(scenario, "", key,
+                         fmt::format("{}: found no file {}, expected one", key, file.string()));
   }
   if (type == std::filesystem::file_type::directory) {
-    throw error_in(scenario, position_in(scenario, "", key),
-                   fmt::format("{}: found the folder {}, expected a file", key, file.string()));
+    throw scenario_error(
+        scenario, "", key,
+        fmt::format("{}: found the folder {}, expected a file", key, file.string()));
   }
   return file;
 }
@@ -109,26 +106,47 @@ void check_bank_fits(const Scenario& scenario, const PlantModel& plant, const Ba
 void check_duration(const Scenario& scenario, const Bank& bank) {
   const double cycles = scenario.duration_s / bank.sample_time_s;
   if (cycles >= 1.0 && cycles < kMaxCycles) return;
-  throw error_in(
-      scenario, position_in(scenario, "", "duration_s"),
+  throw scenario_error(
+      scenario, "", "duration_s",
       fmt::format("duration_s: found {} s, {} cycles of {} s (sample_time_s of bank "
                   "\"{}\"), expected 1 to {} cycles",
                   scenario.duration_s, cycles, bank.sample_time_s, bank.name, kMaxCycles));
 }
 
-void check_expected_faults(const Scenario& scenario, const Bank& bank) {
+/// What one [[expect]] calls by names.
+struct ExpectedNames {
+  const char* key;
+  std::vector<std::string> names;
+};
+
+/// @throws InputError the first that is not one of `known`, which are `what`.
+void check_expected_names(const Scenario& scenario, std::size_t entry, const ExpectedNames& found,
+                          const std::vector<std::string>& known, const std::string& what) {
+  for (const std::string& name : found.names) {
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    const auto near = nearest_name(name, known);
+    throw scenario_error(scenario, "expect", found.key,
+                         fmt::format("{}: found \"{}\", expected {} ({}){}", found.key, name, what,
+                                     fmt::join(known, ", "),
+                                     near ? fmt::format("; did you mean \"{}\"?", *near) : ""),
+                         entry);
+  }
+}
+
+void check_expectations(const Scenario& scenario, const Bank& bank, const SignalMap& map) {
+  std::vector<std::string> messages;
+  for (std::size_t i = 0; i < map.message_count(); ++i) messages.push_back(map.message_name(i));
   for (std::size_t i = 0; i < scenario.expectations.size(); ++i) {
-    for (const std::string& fault : scenario.expectations[i].faults) {
-      if (std::find(bank.fault_names.begin(), bank.fault_names.end(), fault) !=
-          bank.fault_names.end()) {
-        continue;
-      }
-      const auto near = nearest_name(fault, bank.fault_names);
-      throw error_in(scenario, position_in(scenario, "expect", "faults", i),
-                     fmt::format("faults: found \"{}\", expected a fault of bank \"{}\" ({}){}",
-                                 fault, bank.name, fmt::join(bank.fault_names, ", "),
-                                 near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
+    const Expectation& expectation = scenario.expectations[i];
+    ExpectedNames sets{"sets", {}};
+    for (const auto& set : expectation.sets) {
+      sets.names.insert(sets.names.end(), set.begin(), set.end());
     }
+    const std::string fault = fmt::format("a fault of bank \"{}\"", bank.name);
+    check_expected_names(scenario, i, {"faults", expectation.faults}, bank.fault_names, fault);
+    check_expected_names(scenario, i, sets, bank.fault_names, fault);
+    check_expected_names(scenario, i, {"blame", expectation.blamed}, messages,
+                         "a message that carries channels or SYNC");
   }
 }
 
@@ -148,37 +166,14 @@ void check_cycles_can_be_told(const DbcDatabase& dbc, const SignalMap& map) {
   }
 }
 
-InputError error_in(const Scenario& scenario, const ScheduleError& error) {
-  return error_in(scenario, position_in(scenario, error.table(), error.field(), error.entry()),
-                  fmt::format("{}, entry {}.{}", error.table(), error.entry() + 1, error.what()));
-}
-
-/// All that happens to the plant besides its commands.
-void make_schedules(BenchInputs& inputs, const Scenario& scenario) {
-  try {
-    inputs.schedule = {inputs.plant, scenario.injections};
-    inputs.perturbations = {inputs.plant, scenario.disturbances, scenario.noises, scenario.seed};
-  } catch (const ScheduleError& error) {
-    throw error_in(scenario, error);
-  }
-}
-
-void check_controller_shape(const Scenario& scenario, const char* key,
-                            const Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
-  if (matrix.rows() == rows && matrix.cols() == cols) return;
-  throw error_in(scenario, position_in(scenario, "controller", key),
-                 fmt::format("controller.{}: found {}×{}, expected {}×{}", key, matrix.rows(),
-                             matrix.cols(), rows, cols));
-}
-
 /// A mapping that names no signal of the DBC is the scenario's mistake: the message points there.
 SignalMap map_signals(const Scenario& scenario, const DbcDatabase& dbc, const PlantModel& plant) {
   try {
     return make_signal_map(dbc, plant.output_names, plant.input_names, scenario.signals);
   } catch (const SignalMapError& error) {
     if (error.mapped_channel().empty()) throw;
-    throw error_in(scenario, position_in(scenario, "signals", error.mapped_channel()),
-                   fmt::format("signals: {}", error.what()));
+    throw scenario_error(scenario, "signals", error.mapped_channel(),
+                         fmt::format("signals: {}", error.what()));
   }
 }
 
@@ -189,80 +184,30 @@ void check_mapped_channels(const Scenario& scenario, const PlantModel& plant) {
   for (const auto& [channel, mapping] : scenario.signals) {
     if (std::find(channels.begin(), channels.end(), channel) != channels.end()) continue;
     const auto near = nearest_name(channel, channels);
-    throw error_in(scenario, position_in(scenario, "signals", channel),
-                   fmt::format("signals: found \"{}\", expected a channel of plant \"{}\" ({}){}",
-                               channel, plant.name, fmt::join(channels, ", "),
-                               near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
+    throw scenario_error(
+        scenario, "signals", channel,
+        fmt::format("signals: found \"{}\", expected a channel of plant \"{}\" ({}){}", channel,
+                    plant.name, fmt::join(channels, ", "),
+                    near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
   }
 }
 
-ControlLaw make_feedback(const Scenario& scenario, const PlantModel& plant, double sample_time_s) {
-  const ControllerSpec& spec = scenario.controller;
-  const Eigen::VectorXd feedforward = spec.feedforward.value_or(Eigen::VectorXd::Zero(plant.m()));
-  check_controller_shape(scenario, "feedforward", feedforward, plant.m(), 1);
-  try {
-    switch (spec.kind) {
-      case ControllerKind::kNone:
-        return open_loop(plant, feedforward);
-      case ControllerKind::kGain:
-        check_controller_shape(scenario, "K", *spec.K, plant.m(), plant.n());
-        return state_feedback(plant, *spec.K, feedforward);
-      case ControllerKind::kLqr: {
-        const Eigen::MatrixXd Q = spec.Q.value_or(Eigen::MatrixXd::Identity(plant.n(), plant.n()));
-        const Eigen::MatrixXd R = spec.R.value_or(Eigen::MatrixXd::Identity(plant.m(), plant.m()));
-        check_controller_shape(scenario, "Q", Q, plant.n(), plant.n());
-        check_controller_shape(scenario, "R", R, plant.m(), plant.m());
-        return state_feedback(plant, lqr_gain(plant, sample_time_s, Q, R), feedforward);
-      }
-    }
-  } catch (const std::invalid_argument& error) {
-    throw error_in(scenario, position_in(scenario, "controller", ""),
-                   fmt::format("controller: {}", error.what()));
-  }
-  return {};
-}
+/// The part of RUN that says which library the command line named.
+constexpr char kPlantLibraryPart[] = "plant_library";
 
-ControlLaw make_control_law(const Scenario& scenario, const PlantModel& plant,
-                            double sample_time_s) {
-  ControlLaw law = make_feedback(scenario, plant, sample_time_s);
-  if (const auto& amplitude = scenario.controller.amplitude) {
-    check_controller_shape(scenario, "amplitude", *amplitude, plant.m(), 1);
-    law.amplitude = *amplitude;
-    law.omega_rad = 2.0 * std::numbers::pi * sample_time_s * *scenario.controller.frequency_Hz;
-  }
-  return law;
-}
-
-Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant) {
-  if (!scenario.initial_state) return plant.x_operating;
-  if (scenario.initial_state->size() != plant.n()) {
-    throw error_in(scenario, position_in(scenario, "", "initial_state"),
-                   fmt::format("initial_state: found {} numbers, expected {}, one per state",
-                               scenario.initial_state->size(), plant.n()));
-  }
-  return *scenario.initial_state;
-}
-
-void check_plant_can_run(const Scenario& scenario, const PlantModel& plant,
-                         const std::string& plant_text, const std::string& plant_source,
-                         const Bank& bank) {
-  try {
-    static_cast<void>(method_for(plant, scenario.integration));
-  } catch (const std::invalid_argument& error) {
-    throw error_in(scenario, position_in(scenario, "simulation", "method"),
-                   fmt::format("simulation.{}", error.what()));
-  }
-  try {
-    const SimulatedPlant stepped(plant, bank.sample_time_s, scenario.integration);
-  } catch (const std::invalid_argument& error) {
-    throw TomlTable::parse(plant_text, plant_source).error("sample_time_s", error.what());
-  }
+void override_plant(Scenario& scenario, const std::filesystem::path& library) {
+  SimulationSpec& simulation = scenario.simulation;
+  simulation.model.clear();
+  simulation.library = library;
+  simulation.is_library_override = true;
 }
 
 /// What a scenario refers to.
 struct ScenarioTexts {
   RunPart plant, dbc;
-  std::string plant_source, dbc_source;  ///< names for messages
+  std::optional<RunPart> commands;                        ///< of a recorded controller
+  std::string plant_source, dbc_source, commands_source;  ///< names for messages
+  std::vector<RunPart> data;                              ///< records that a log carries
 };
 using BankLoader = std::function<Bank(const Scenario&, const PlantModel&, std::vector<RunPart>&)>;
 
@@ -272,19 +217,30 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
   inputs.is_initial_state_known = scenario.is_initial_state_known;
   inputs.plant = parse_plant(texts.plant.text, texts.plant_source);
   const DbcDatabase dbc = parse_whole_dbc(texts.dbc.text, texts.dbc_source);
-  inputs.parts = {
-      {"scenario", scenario.file.filename().string(), scenario.text}, texts.plant, texts.dbc};
+  inputs.parts = {{"scenario", scenario.file.filename().string(), scenario.text}};
+  for (const IncludedText& include : scenario.includes) {
+    inputs.parts.push_back(include_part(include));
+  }
+  inputs.parts.insert(inputs.parts.end(), {texts.plant, texts.dbc});
+  if (texts.commands) inputs.parts.push_back(*texts.commands);
+  inputs.parts.insert(inputs.parts.end(), texts.data.begin(), texts.data.end());
   check_mapped_channels(scenario, inputs.plant);
   inputs.map = map_signals(scenario, dbc, inputs.plant);
   check_cycles_can_be_told(dbc, inputs.map);
-  make_schedules(inputs, scenario);
   inputs.bank = load(scenario, inputs.plant, inputs.parts);
   check_bank_fits(scenario, inputs.plant, inputs.bank);
-  check_expected_faults(scenario, inputs.bank);
+  check_expectations(scenario, inputs.bank, inputs.map);
   check_duration(scenario, inputs.bank);
-  check_plant_can_run(scenario, inputs.plant, texts.plant.text, texts.plant_source, inputs.bank);
-  inputs.control_law = make_control_law(scenario, inputs.plant, inputs.bank.sample_time_s);
+  inputs.make_plant = plant_maker(scenario, inputs.plant, {texts.plant.text, texts.plant_source},
+                                  inputs.bank.sample_time_s);
   inputs.x_initial = initial_state(scenario, inputs.plant);
+  make_schedules(inputs, scenario);
+  std::optional<NamedText> commands;
+  if (texts.commands) commands = {texts.commands->text, texts.commands_source};
+  ControllerPlan controller =
+      plan_controller(scenario, inputs.plant, inputs.bank.sample_time_s, commands);
+  inputs.make_controller = std::move(controller.make);
+  inputs.warnings = std::move(controller.warnings);
   inputs.dbc_warnings = warnings_of(dbc);
   inputs.scenario = std::move(scenario);
   return inputs;
@@ -299,6 +255,14 @@ const RunPart& require_part(const std::vector<RunPart>& parts, std::string_view 
                                name));
 }
 
+/// The records among the parts of a log: data_text takes them from there.
+std::vector<RunPart> data_of(const std::vector<RunPart>& parts) {
+  std::vector<RunPart> data;
+  std::copy_if(parts.begin(), parts.end(), std::back_inserter(data),
+               [](const RunPart& part) { return part.part.starts_with("data:"); });
+  return data;
+}
+
 }  // namespace
 
 PlantModel read_requested_plant(const BankRequest& request) {
@@ -311,14 +275,23 @@ PlantModel read_requested_plant(const BankRequest& request) {
   return read_plant(request.plant);
 }
 
-BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file) {
+BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file,
+                              const std::filesystem::path& plant_library) {
   Scenario scenario = read_scenario(scenario_file);
+  if (!plant_library.empty()) override_plant(scenario, plant_library);
   ScenarioTexts texts;
   texts.plant = read_part("plant", require_file(scenario, "plant", scenario.plant));
   texts.plant_source = scenario.plant.string();
   texts.dbc = read_part("dbc", require_file(scenario, "dbc", scenario.dbc));
   texts.dbc_source = scenario.dbc.string();
-  return fit_together(std::move(scenario), texts, load_bank);
+  texts.commands = read_commands(scenario);
+  texts.commands_source = scenario.controller.commands.string();
+  BenchInputs inputs = fit_together(std::move(scenario), texts, load_bank);
+  if (!plant_library.empty()) {
+    inputs.parts.push_back(
+        {kPlantLibraryPart, plant_library.filename().string(), plant_library.string()});
+  }
+  return inputs;
 }
 
 BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts, const std::string& log) {
@@ -329,12 +302,21 @@ BenchInputs bench_inputs_of_parts(const std::vector<RunPart>& parts, const std::
   BenchInputs inputs;
   if (const RunPart* text = find_part(parts, "scenario")) {
     const RunPart& plant = require_part(parts, "plant", log);
-    Scenario scenario = parse_scenario(text->text, source(*text));
+    Scenario scenario = parse_scenario(text->text, source(*text), included_texts(parts));
+    if (const RunPart* library = find_part(parts, kPlantLibraryPart)) {
+      override_plant(scenario, library->text);
+    }
+    scenario.simulation.is_library_at_hand = false;
     scenario.plant = source(plant);
     scenario.dbc = source(dbc);
     scenario.bank = source(bank);
+    ScenarioTexts texts{plant, dbc, std::nullopt, source(plant), source(dbc), "", data_of(parts)};
+    if (scenario.controller.kind == ControllerKind::kRecorded) {
+      texts.commands = require_part(parts, "commands", log);
+      texts.commands_source = source(*texts.commands);
+    }
     inputs = fit_together(
-        std::move(scenario), {plant, dbc, source(plant), source(dbc)},
+        std::move(scenario), texts,
         [&](const Scenario&, const PlantModel&, std::vector<RunPart>&) { return load_bank(); });
   } else {
     static_cast<DiagnosisInputs&>(inputs) = make_diagnosis_inputs(load_bank(), dbc, source(dbc));

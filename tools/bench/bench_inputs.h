@@ -1,6 +1,8 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -8,13 +10,18 @@
 #include "diagnosis/design/bank_request.h"
 #include "diagnosis/model/plant_model.h"
 #include "drivers/signal/signal_map.h"
-#include "sim/controller_node.h"
+#include "sim/controller.h"
 #include "sim/fault_schedule.h"
 #include "sim/perturbation_schedule.h"
+#include "sim/plant.h"
 #include "tools/bench/diagnosis_inputs.h"
 #include "tools/bench/scenario.h"
 
 namespace faultline {
+
+/// Make what a run begins with, each time anew.
+using PlantMaker = std::function<std::unique_ptr<SimulatedPlant>()>;
+using ControllerMaker = std::function<std::unique_ptr<Controller>()>;
 
 /// Everything a run needs, read, checked and fitted together.
 struct BenchInputs : DiagnosisInputs {
@@ -22,8 +29,10 @@ struct BenchInputs : DiagnosisInputs {
   PlantModel plant;
   FaultSchedule schedule;
   PerturbationSchedule perturbations;  ///< at its start
-  ControlLaw control_law;
-  Eigen::VectorXd x_initial;  ///< absolute
+  PlantMaker make_plant;               ///< none where the simulated plant is not at hand (a replay)
+  ControllerMaker make_controller;     ///< likewise; makes nullptr for an external one
+  Eigen::VectorXd x_initial;           ///< absolute
+  std::vector<std::string> warnings;   ///< about the scenario, which may yet be meant so
 };
 
 /// A bank that was asked for cannot be had: not every residual exists. A valid question with a
@@ -41,7 +50,11 @@ class NotSolvable : public std::runtime_error {
 /// digest in $XDG_CACHE_HOME/faultline (or ~/.cache/faultline).
 /// @throws InputError, DbcError, BankFileError, SignalMapError bad input; NotSolvable;
 /// @throws std::system_error a file cannot be read.
-[[nodiscard]] BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file);
+/// @param plant_library simulated instead of what the scenario says, unless empty. RUN says so
+/// (part
+///   "plant_library"), so that a replay knows that it has not got the plant.
+[[nodiscard]] BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file,
+                                            const std::filesystem::path& plant_library = {});
 
 /// The same from the parts that a log carries (scenario, plant, dbc, bank); `log` is its name, for
 /// messages. Without a scenario (a diagnosis of nothing but a bank and a DBC) only what

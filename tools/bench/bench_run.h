@@ -7,11 +7,13 @@
 
 #include "drivers/can/error_frame.h"
 #include "sim/controller_node.h"
+#include "sim/frame_faults.h"
 #include "sim/plant_node.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/bench_inputs.h"
 #include "tools/bench/diagnosis_node.h"
 #include "tools/bench/endpoints.h"
+#include "tools/bench/live_injection.h"
 #include "tools/bench/run_history.h"
 #include "tools/bench/run_publisher.h"
 #include "tools/bench/stop_signal.h"
@@ -44,6 +46,9 @@ class BenchRun {
   /// Call often, with the time the run has come to: flushes, repeats RUN, shows progress, polls the
   /// stop signal. @return true if the run must stop.
   bool attend(double t_s, std::int64_t utime);
+  /// Faults injected live, and an EVENT for each request. Call often, with a cycle that no node has
+  /// begun nor will have before this returns: from there they act.
+  void take_injections(std::uint32_t free_cycle, std::int64_t utime);
   /// Last counters and a clean end of log and LCM.
   /// Nodes and buses must be at rest.
   [[nodiscard]] BenchResult finish(std::int64_t utime);
@@ -70,8 +75,10 @@ class BenchRun {
   const BenchOptions& options;
   StopSignal stop_signal;
   Endpoints buses;
+  FaultSchedule schedule;  ///< of this run: faults may be added while it goes on
   PlantNode plant;
   ControllerNode controller;
+  FrameFaults plant_faults, controller_faults;  ///< between these nodes and their buses
   DiagnosisNode diagnosis;
   RunPublisher publisher;
   RunHistory history;
@@ -93,6 +100,7 @@ class BenchRun {
   /// Counters as they stand, from the buses and from what came by here.
   [[nodiscard]] RunCounters counters_now() const;
 
+  std::optional<LiveInjection> injection_;  ///< where there is live LCM
   std::vector<WatchedBus> watched_;
   std::chrono::steady_clock::time_point start_, next_flush_, next_progress_, next_repeat_;
   std::int64_t start_utime_;

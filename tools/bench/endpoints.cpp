@@ -66,4 +66,16 @@ Endpoints open_endpoints(const std::string& bus, const SignalMap& map, bool has_
   return endpoints;
 }
 
+std::unique_ptr<CanBus> open_node(const std::string& bus, const SignalMap& map, BenchNode node) {
+  if (bus == kLoop || !is_bus_name(bus)) {
+    throw std::invalid_argument(
+        fmt::format("--bus: found \"{}\", expected can:IFACE, udp:GROUP:PORT or several of them "
+                    "with commas between, where other processes can be",
+                    bus));
+  }
+  std::unique_ptr<CanBus> endpoint = open_bus(bus);
+  endpoint->set_filters(node == BenchNode::kPlant ? plant_filters(map) : controller_filters(map));
+  return endpoint;
+}
+
 }  // namespace faultline

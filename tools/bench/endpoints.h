@@ -6,6 +6,7 @@
 #include "drivers/can/can_bus.h"
 #include "drivers/can/loop_bus.h"
 #include "drivers/signal/signal_map.h"
+#include "sim/frame_faults.h"
 
 namespace faultline {
 
@@ -20,6 +21,11 @@ struct Endpoints {
 inline constexpr char kBusNamesHelp[] =
     "loop (in-process), can:IFACE (SocketCAN), udp:GROUP:PORT (python-can's udp_multicast), or "
     "several of the latter two with commas between them";
+
+/// One node's place on `bus`, where the other nodes are other processes.
+/// @throws BusError it cannot be opened; std::invalid_argument it is none that others can be on.
+[[nodiscard]] std::unique_ptr<CanBus> open_node(const std::string& bus, const SignalMap& map,
+                                                BenchNode node);
 
 /// Whether `bus` reads as "loop" or as what `open_bus` opens.
 [[nodiscard]] bool is_bus_name(const std::string& bus) noexcept;

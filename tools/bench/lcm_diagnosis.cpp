@@ -21,7 +21,8 @@ bool are_enough(const RunParts& parts) {
   };
   const bool has_scenario = parts.find("scenario") != nullptr;
   return is_whole("bank") && is_whole("dbc") &&
-         (!has_scenario || (is_whole("scenario") && is_whole("plant")));
+         (!has_scenario ||
+          (is_whole("scenario") && is_whole("plant") && has_all_includes(parts.whole_parts())));
 }
 
 /// @pre are_enough

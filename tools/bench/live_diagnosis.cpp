@@ -107,6 +107,13 @@ void LiveDiagnosis::tell(const char* severity, const char* source, const std::st
   publisher_.publish_event(cycle_, severity, source, text, utime_);
 }
 
+void LiveDiagnosis::tell_now(const char* severity, const char* source, const std::string& text) {
+  if (!is_begun_) return;
+  const auto since_1970 = std::chrono::system_clock::now().time_since_epoch();
+  const auto utime = std::chrono::duration_cast<std::chrono::microseconds>(since_1970).count();
+  publisher_.publish_event(cycle_, severity, source, text, utime);
+}
+
 void LiveDiagnosis::attend() {
   if (!is_begun_) return;
   publisher_.flush_frames();

@@ -38,8 +38,11 @@ class LiveDiagnosis final : private DiagnosisSink {
   /// A frame and its running number: a number that was jumped over is a frame that is missing,
   /// counted and told by an EVENT. @throws MessageSinkError.
   void on_frame(const CanFrame& frame, std::uint64_t number);
-  /// EVENT. @pre a frame has come
+  /// EVENT, at the time of the last frame. @pre a frame has come
   void tell(const char* severity, const char* source, const std::string& text);
+  /// The same at the time that the wall clock shows: of what no frame tells. Nothing is published
+  /// before the first frame.
+  void tell_now(const char* severity, const char* source, const std::string& text);
   /// Call when there is no frame for the moment: sends the frames collected, flushes, repeats RUN.
   void attend();
   /// The run is over: reports what is still open, and closes log and LCM.

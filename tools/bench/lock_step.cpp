@@ -63,11 +63,23 @@ class CycleSink final : public FrameSink {
     return bus_->send(frame);
   }
   void begin_cycle() noexcept { frames_.clear(); }
+  /// Frames of the cycle so far.
+  [[nodiscard]] std::uint64_t count() const noexcept { return frames_.size(); }
   void send_again() noexcept { bus_->send_batch(frames_); }
 
  private:
   CanBus* bus_;
   std::vector<CanFrame> frames_;
+};
+
+/// Frames of a cycle on their way to a node.
+struct Arrivals {
+  std::uint64_t unheard_before = 0;  ///< FrameFaults::unheard at its begin
+  std::uint64_t arrived = 0;
+
+  [[nodiscard]] bool has_all(std::uint64_t sent, std::uint64_t unheard) const noexcept {
+    return arrived + (unheard - unheard_before) >= sent;
+  }
 };
 
 class LockStep {
@@ -76,7 +88,10 @@ class LockStep {
       : run_(run),
         sink_(run),
         from_plant_(*run.buses.plant),
-        from_controller_(*run.buses.controller) {}
+        from_controller_(*run.buses.controller) {
+    run.plant_faults.set_output(from_plant_);
+    run.controller_faults.set_output(from_controller_);
+  }
 
   void run() {
     for (std::uint32_t k = 0; k < run_.cycle_count(); ++k) {
@@ -87,7 +102,9 @@ class LockStep {
         run_.buses.loop->set_time(Timestamp(std::chrono::microseconds(utime)));
       }
       if (!run_cycle(k, utime)) break;
-      if (k % kCyclesPerAttention == 0 && run_.attend(t_s, utime)) break;
+      if (k % kCyclesPerAttention != 0) continue;
+      if (run_.attend(t_s, utime)) break;
+      run_.take_injections(k + 1, utime);
     }
     drain_diagnosis(std::chrono::milliseconds(0));
     run_.diagnosis.finish(sink_);
@@ -100,12 +117,15 @@ class LockStep {
     losses_ = count_losses();
     from_plant_.begin_cycle();
     from_controller_.begin_cycle();
-    run_.plant.on_cycle(k, from_plant_);
+    to_controller_ = {.unheard_before = run_.plant_faults.unheard()};
+    to_plant_ = {.unheard_before = run_.controller_faults.unheard()};
+    run_.plant_faults.begin_cycle(k);
+    run_.controller_faults.begin_cycle(k);
+    run_.plant.on_cycle(k, run_.plant_faults);
     run_.on_truth(run_.plant.truth(), run_.plant.state(), utime);
     if (!run_.plant.is_finite()) {
-      run_.stop({StopReason::Kind::kPlant,
-                 fmt::format("the plant diverged: at t = {:.6g} s its state is not finite",
-                             run_.time_of(k))});
+      run_.stop({StopReason::Kind::kPlant, fmt::format("the plant diverged: at t = {:.6g} s {}",
+                                                       run_.time_of(k), run_.plant.failure())});
       return false;
     }
     if (!await_command(k)) return false;
@@ -118,30 +138,53 @@ class LockStep {
   bool serve_nodes(std::chrono::nanoseconds wait) {
     const ReceiveResult measured = run_.buses.controller->receive(batch_, wait);
     for (std::size_t i = 0; i < measured.count; ++i) {
-      run_.controller.on_frame(batch_[i], from_controller_);
+      to_controller_.arrived += batch_[i].is_error ? 0U : 1U;
+      if (!run_.controller_faults.hears()) continue;
+      run_.controller.on_frame(batch_[i], run_.controller_faults);
     }
     const ReceiveResult commanded = run_.buses.plant->receive(batch_, std::chrono::nanoseconds(0));
-    for (std::size_t i = 0; i < commanded.count; ++i) run_.plant.on_frame(batch_[i]);
+    for (std::size_t i = 0; i < commanded.count; ++i) {
+      to_plant_.arrived += batch_[i].is_error ? 0U : 1U;
+      if (run_.plant_faults.hears()) run_.plant.on_frame(batch_[i]);
+    }
     return measured.count + commanded.count > 0;
+  }
+
+  /// Whether the next cycle may begin. Where faults keep frames from the nodes the answer may never
+  /// come: then it may when all frames that were passed on have arrived, as nodes only answer.
+  [[nodiscard]] bool is_over(std::uint32_t k) const noexcept {
+    const bool is_answered = run_.plant.has_command(k);
+    if (!may_withhold()) return is_answered;
+    if (is_sent_again_) return is_answered;
+    return to_controller_.has_all(from_plant_.count(), run_.plant_faults.unheard()) &&
+           to_plant_.has_all(from_controller_.count(), run_.controller_faults.unheard());
+  }
+
+  [[nodiscard]] bool may_withhold() const noexcept {
+    return run_.plant_faults.may_withhold() || run_.controller_faults.may_withhold();
   }
 
   bool await_command(std::uint32_t k) {
     std::chrono::nanoseconds wait{0};
-    std::optional<steady_clock::time_point> deadline, outage_deadline;
-    while (!run_.plant.has_command(k)) {
+    constexpr auto kNotYet = steady_clock::time_point::max();
+    auto deadline = kNotYet, outage_deadline = kNotYet;
+    is_sent_again_ = false;
+    while (!is_over(k)) {
       if (serve_nodes(wait)) continue;
       wait = kPollInterval;
       const auto now = steady_clock::now();
       if (has_lost_frames()) {
-        if (!outage_deadline) outage_deadline = now + run_.options.bus_patience;
-        if (!await_bus(k, *outage_deadline)) return false;
+        if (outage_deadline == kNotYet) outage_deadline = now + run_.options.bus_patience;
+        if (!await_bus(k, outage_deadline)) return false;
         from_plant_.send_again();
         from_controller_.send_again();
-        deadline.reset();
+        is_sent_again_ = true;
+        deadline = kNotYet;
         continue;
       }
-      if (!deadline) deadline = now + kAnswerTimeout;
-      if (now < *deadline) continue;
+      if (deadline == kNotYet) deadline = now + kAnswerTimeout;
+      if (now < deadline) continue;
+      if (is_sent_again_ && may_withhold()) return true;  // what still comes, nobody can tell
       run_.stop({StopReason::Kind::kBus,
                  fmt::format("no complete command answered cycle {} within {} s: frames are lost, "
                              "or {} is down",
@@ -201,6 +244,8 @@ class LockStep {
   BenchRun& run_;
   DirectSink sink_;
   CycleSink from_plant_, from_controller_;
+  Arrivals to_controller_, to_plant_;
+  bool is_sent_again_ = false;  ///< in this cycle, after an outage
   std::uint64_t losses_ = 0;
   std::array<CanFrame, kBatch> batch_{};
 };

@@ -16,6 +16,7 @@
 
 #include "tools/bench/bench_run.h"
 #include "tools/bench/bus_silence.h"
+#include "tools/bench/plant_loop.h"
 #include "tools/bench/realtime_sink.h"
 #include "tools/bench/realtime_thread.h"
 #include "tools/bench/slot_queue.h"
@@ -30,7 +31,7 @@ using Nanoseconds = std::chrono::nanoseconds;
 
 constexpr std::size_t kBatch = 64;
 /// Longest wait on a bus before a thread looks whether it shall stop.
-constexpr Nanoseconds kIdleWait = std::chrono::milliseconds(20);
+constexpr Nanoseconds kIdleWait = PlantLoop::kIdleWait;
 /// After the last cycle the answers and the last frames are waited for this long.
 constexpr Nanoseconds kGrace = std::chrono::milliseconds(100);
 /// The publisher looks into its queues this often.
@@ -41,31 +42,12 @@ constexpr Nanoseconds kCompareClocksPeriod = std::chrono::milliseconds(20);
 /// bound.
 constexpr std::uint64_t kWarmUpSamples = 50;
 
-struct TruthRecord {
-  PlantTruth truth;
-  Eigen::VectorXd x;
-  bool is_sent = true;
-  Nanoseconds since_due{};  ///< deadline to the frames with the bus
-};
+/// No cycle has begun yet: their counter never comes to that (check_duration).
+constexpr std::uint32_t kNoCycle = kNoCommand;
 
 struct ProbeRead {
   Timestamp stamp;
   steady_clock::time_point read;
-};
-
-/// Collects the frames of a cycle: they go out in one call, or not at all.
-class CycleFrames final : public FrameSink {
- public:
-  explicit CycleFrames(std::size_t most) { frames_.reserve(most); }
-  bool send(const CanFrame& frame) noexcept override {
-    if (frames_.size() < frames_.capacity()) frames_.push_back(frame);
-    return true;
-  }
-  [[nodiscard]] std::span<const CanFrame> frames() const noexcept { return frames_; }
-  void clear() noexcept { frames_.clear(); }
-
- private:
-  std::vector<CanFrame> frames_;
 };
 
 /// Identifier of the message that closes a sample in the ordinary course: the last command, or the
@@ -75,9 +57,7 @@ std::uint32_t closing_id(const SignalMap& map) {
   return map.sensor_messages.empty() ? 0 : map.sensor_messages.back().id;
 }
 
-double in_ms(Nanoseconds time) { return static_cast<double>(time.count()) * 1e-6; }
-
-class Realtime {
+class Realtime final : private PlantLoopHost {
  public:
   explicit Realtime(BenchRun& run)
       : run_(run),
@@ -86,13 +66,16 @@ class Realtime {
         cycles_per_value_(cycles_per_timed_sample(steady_clock_cost(), period_)),
         sink_(run.inputs.bank, run.options.frame_slots, run.options.record_slots,
               cycles_per_value_),
-        truths_(run.options.record_slots, TruthRecord{{}, run.inputs.x_initial}),
+        truths_(run.options.record_slots, PlantCycle{.x = run.inputs.x_initial}),
         probe_reads_(run.options.record_slots, ProbeRead{}),
-        cycle_frames_(run.inputs.map.sensor_messages.size() + 1),
+        plant_loop_(run.plant, run.plant_faults, *run.buses.plant, run.inputs.bank.sample_time_s,
+                    run.options.overrun, run.plant_faults.most_frames()),
         latencies_(period_, cycles_per_value_, run.buses.probe != nullptr),
         silence_(period_),
         closing_id_(closing_id(run.inputs.map)),
-        threads_ready_(run.buses.probe ? 4 : 3) {}
+        threads_ready_(run.buses.probe ? 4 : 3) {
+    run.controller_faults.set_output(*run.buses.controller);
+  }
 
   void run() {
     std::optional<RealtimeProcess> process;
@@ -150,59 +133,42 @@ class Realtime {
   // --- plant thread: leads the cycle at absolute deadlines.
   void run_plant() {
     set_up_thread("plant", 1, std::nullopt, plant_problems_);
-    TruthRecord truth{{}, run_.inputs.x_initial};
-    auto deadline = start_;
-    for (std::uint32_t k = 0; k < run_.cycle_count() && !must_stop_; ++k, deadline += period_) {
-      take_commands_until(deadline);
-      const Nanoseconds late = steady_clock::now() - deadline;
-      const bool is_overrun = late >= period_;
-      if (is_overrun) ++overruns_;
-      if (is_overrun && run_.options.overrun == OverrunPolicy::kStop) {
-        fail({StopReason::Kind::kOverrun,
-              fmt::format("cycle {} began {:.3f} ms late, a period is {:.3f} ms (--overrun stop)",
-                          k, in_ms(late), in_ms(period_))});
-        break;
-      }
-      run_.plant.on_cycle(k, cycle_frames_);
-      truth.is_sent = !is_overrun || run_.options.overrun != OverrunPolicy::kSkip;
-      if (truth.is_sent) {
-        run_.buses.plant->send_batch(cycle_frames_.frames());
-        truth.since_due = steady_clock::now() - deadline;
-      } else {
-        ++skipped_cycles_;
-      }
-      cycle_frames_.clear();
-      truth.truth = run_.plant.truth();
-      truth.x = run_.plant.state();
-      truths_.push(truth);
-      if (!run_.plant.is_finite()) {
-        fail({StopReason::Kind::kPlant,
-              fmt::format("the plant diverged: at t = {:.6g} s its state is not finite",
-                          run_.time_of(k))});
-      }
+    if (auto reason = plant_loop_.run(start_, run_.cycle_count(), *this)) {
+      // The cycle that ended the run was not lived.
+      if (reason->kind == StopReason::Kind::kOverrun) ++overruns_;
+      fail(std::move(*reason));
     }
-    take_commands_until(steady_clock::now() + kGrace);
+    plant_loop_.take_commands_until(steady_clock::now() + kGrace, *this);
     is_over_ = true;
   }
 
-  void take_commands_until(steady_clock::time_point deadline) {
-    for (;;) {
-      const auto left = deadline - steady_clock::now();
-      if (left <= Nanoseconds::zero() || must_stop_) return;
-      const ReceiveResult received =
-          run_.buses.plant->receive(plant_batch_, std::min<Nanoseconds>(left, kIdleWait));
-      for (std::size_t i = 0; i < received.count; ++i) run_.plant.on_frame(plant_batch_[i]);
-      watch(received, *run_.buses.plant);
-    }
+  bool must_stop() noexcept override { return must_stop_; }
+
+  void on_begin(std::uint32_t k) noexcept override { cycle_.store(k, std::memory_order_release); }
+
+  void on_cycle(const PlantCycle& cycle) noexcept override {
+    if (cycle.is_overrun) ++overruns_;
+    if (!cycle.is_sent) ++skipped_cycles_;
+    truths_.push(cycle);
+  }
+
+  void on_received(const ReceiveResult& received, std::span<const CanFrame> /*frames*/) override {
+    watch(received, *run_.buses.plant);
   }
 
   // --- controller thread: answers measurements.
   void run_controller() {
     set_up_thread("controller", 2, std::nullopt, controller_problems_);
+    // Its faults follow the cycles even while it hears nothing.
+    const Nanoseconds wait = std::min<Nanoseconds>(period_, kIdleWait);
+    std::uint32_t cycle = kNoCycle;
     while (!is_over_ && !must_stop_) {
-      const ReceiveResult received = run_.buses.controller->receive(controller_batch_, kIdleWait);
-      for (std::size_t i = 0; i < received.count; ++i) {
-        run_.controller.on_frame(controller_batch_[i], *run_.buses.controller);
+      const ReceiveResult received = run_.buses.controller->receive(controller_batch_, wait);
+      const std::uint32_t now = cycle_.load(std::memory_order_acquire);
+      if (now != cycle) run_.controller_faults.begin_cycle(now);
+      cycle = now;
+      for (std::size_t i = 0; i < received.count && run_.controller_faults.hears(); ++i) {
+        run_.controller.on_frame(controller_batch_[i], run_.controller_faults);
       }
       watch(received, *run_.buses.controller);
     }
@@ -308,6 +274,10 @@ class Realtime {
       drain_queues();
       if (!is_over_ && !must_stop_) watch_silence(now);
       if (run_.attend(run_.time_of(last_cycle_), last_utime_)) must_stop_ = true;
+      if (!is_over_) {
+        run_.take_injections(plant_loop_.free_cycle(start_, now),
+                             to_utime(std::chrono::system_clock::now()));
+      }
     }
   }
 
@@ -320,7 +290,7 @@ class Realtime {
 
   void drain_queues() {
     run_.set_pace_counters(counters_now());
-    while (const TruthRecord* truth = truths_.front()) {
+    while (const PlantCycle* truth = truths_.front()) {
       if (truth->is_sent) {
         latencies_.on_sent(truth->since_due);
       } else {
@@ -367,9 +337,9 @@ class Realtime {
   Nanoseconds period_;
   std::uint32_t cycles_per_value_;
   RealtimeSink sink_;
-  SlotQueue<TruthRecord> truths_;
+  SlotQueue<PlantCycle> truths_;
   SlotQueue<ProbeRead> probe_reads_;
-  CycleFrames cycle_frames_;
+  PlantLoop plant_loop_;
   StageLatencies latencies_;
   BusSilence silence_;
   std::uint32_t closing_id_;
@@ -378,8 +348,8 @@ class Realtime {
   steady_clock::time_point start_;  // set before started_
   // Each written by its thread before threads_ready_.
   Problems diagnosis_problems_, plant_problems_, controller_problems_, probe_problems_;
-  std::array<CanFrame, kBatch> plant_batch_{}, controller_batch_{}, diagnosis_batch_{},
-      probe_batch_{};
+  std::array<CanFrame, kBatch> controller_batch_{}, diagnosis_batch_{}, probe_batch_{};
+  std::atomic<std::uint32_t> cycle_{kNoCycle};  ///< of the plant
   std::atomic<bool> must_stop_{false}, is_over_{false}, is_diagnosis_over_{false};
   std::atomic<std::uint64_t> overruns_{0}, skipped_cycles_{0};
   std::atomic<std::int64_t> allocations_{-1}, page_faults_{-1};  ///< -1: not counted

@@ -8,14 +8,6 @@
 namespace faultline {
 namespace {
 
-/// Slack for comparing cycle times with times written in a file: half a nanosecond.
-constexpr double kTimeSlack_s = 0.5e-9;
-
-bool agrees(const Expectation& expectation, const VerdictEntry& now) {
-  if (now.verdict != expectation.verdict) return false;
-  return now.verdict != Verdict::kIsolated || now.sets.front() == expectation.faults;
-}
-
 // Whether `filter` may be silent for `cause` although it sees members of `set`.
 bool is_excused(const ResidualFilter& filter, const std::vector<std::size_t>& set, Cause cause) {
   bool is_seen = false;
@@ -39,26 +31,6 @@ double smallest_isolated(const Bank& bank, std::size_t fault) {
   return smallest;
 }
 
-std::string sets_text(const std::vector<std::vector<std::string>>& sets) {
-  std::vector<std::string> texts;
-  for (const std::vector<std::string>& set : sets) {
-    if (!set.empty()) texts.push_back(fmt::format("{}", fmt::join(set, ", ")));
-  }
-  return fmt::format("{}", fmt::join(texts, " | "));
-}
-
-// Digits after the point so that two of the bound's, or the deviation's, show; six significant ones
-// without.
-std::string estimate_text(const EstimateEntry& entry) {
-  const double uncertainty = std::max(entry.bound, entry.deviation);
-  if (!(uncertainty > 0.0)) return fmt::format("{} = {:.6g}", entry.fault, entry.value);
-  constexpr int kMostDigits = 9;
-  const int digits =
-      std::clamp(1 - static_cast<int>(std::floor(std::log10(uncertainty))), 0, kMostDigits);
-  return fmt::format("{} = {:.{}f}{}{:.{}f}", entry.fault, entry.value, digits,
-                     entry.bound > 0.0 ? ", within " : " +- ", uncertainty, digits);
-}
-
 }  // namespace
 
 RunHistory::RunHistory(const Bank& bank, const std::vector<std::vector<std::size_t>>& fault_sets,
@@ -67,19 +39,11 @@ RunHistory::RunHistory(const Bank& bank, const std::vector<std::vector<std::size
       fault_sets_(&fault_sets),
       schedule_(&schedule),
       first_fired_s_(bank.filters.size()) {
-  active_.resize(schedule.injections().size());
   for (std::size_t fault = 0; fault < bank.fault_names.size(); ++fault) {
     smallest_isolated_.push_back(smallest_isolated(bank, fault));
-    std::vector<std::size_t>& biases = bias_injections_.emplace_back();
-    for (std::size_t i = 0; i < schedule.injections().size(); ++i) {
-      const Injection& injection = schedule.injections()[i];
-      if (injection.target == bank.fault_names[fault] && injection.kind == InjectionKind::kBias) {
-        biases.push_back(i);
-      }
-    }
   }
   for (const Expectation& expectation : scenario.expectations) {
-    expectations_.push_back({.expectation = expectation});
+    expectations_.emplace_back(expectation);
   }
 }
 
@@ -147,7 +111,7 @@ void RunHistory::on_record(const DiagnosisRecord& record) {
     if (record.fired[i] != 0 && !first_fired_s_[i]) first_fired_s_[i] = t_s;
   }
   follow_injections(is_change);
-  check_expectations();
+  for (ExpectationWatch& expectation : expectations_) expectation.on_sample(record, now_);
 }
 
 void RunHistory::on_estimate(const FaultEstimate& estimate) {
@@ -156,6 +120,9 @@ void RunHistory::on_estimate(const FaultEstimate& estimate) {
   if (magnitudes.status != EstimateStatus::kValid) {
     // The samples of a window that is not full yet do not unsay the last estimate.
     if (entry.estimates.empty()) entry.no_estimate = estimate_status_text(magnitudes.status);
+    for (ExpectationWatch& expectation : expectations_) {
+      expectation.on_no_estimate(estimate_status_text(magnitudes.status));
+    }
     return;
   }
   entry.no_estimate.clear();
@@ -169,11 +136,15 @@ void RunHistory::on_estimate(const FaultEstimate& estimate) {
   if (estimate.onset_cycle != Onset::kNone) {
     entry.onset_s = static_cast<double>(estimate.onset_cycle) * bank_->sample_time_s;
   }
+  for (ExpectationWatch& expectation : expectations_) {
+    expectation.on_estimates(now_.t_s, entry.estimates);
+  }
 }
 
 void RunHistory::follow_injections(bool is_change) {
+  active_.resize(schedule_->size());
   for (std::size_t i = 0; i < active_.size(); ++i) {
-    active_[i] = activity(schedule_->injections()[i], now_.t_s) > 0.0 ? 1 : 0;
+    active_[i] = schedule_->activity(i, now_.t_s) > 0.0 ? 1 : 0;
   }
   if (injections_.empty() || active_ != active_before_) {
     active_before_ = active_;
@@ -200,11 +171,12 @@ void RunHistory::follow_injections(bool is_change) {
 // Of the biases acting now; a gain fault has no size of its own.
 void RunHistory::find_small_faults(InjectionOutcome& outcome) const {
   outcome.small_faults.clear();
-  for (std::size_t fault = 0; fault < bias_injections_.size(); ++fault) {
+  for (std::size_t fault = 0; fault < smallest_isolated_.size(); ++fault) {
     double value = 0.0;
-    for (const std::size_t i : bias_injections_[fault]) {
-      const Injection& injection = schedule_->injections()[i];
-      value += activity(injection, now_.t_s) * injection.value;
+    for (std::size_t i = 0; i < active_.size(); ++i) {
+      const Injection& injection = schedule_->injection(i);
+      if (active_[i] == 0 || injection.kind != InjectionKind::kBias) continue;
+      if (injection.target == bank_->fault_names[fault]) value += schedule_->value(i, now_.t_s);
     }
     if (value != 0.0 && std::abs(value) < smallest_isolated_[fault]) {
       outcome.small_faults.push_back({bank_->fault_names[fault], value, smallest_isolated_[fault]});
@@ -212,22 +184,10 @@ void RunHistory::find_small_faults(InjectionOutcome& outcome) const {
   }
 }
 
-void RunHistory::check_expectations() {
-  for (ExpectationOutcome& outcome : expectations_) {
-    const Expectation& expectation = outcome.expectation;
-    if (now_.t_s < expectation.from_s - kTimeSlack_s ||
-        now_.t_s > expectation.until_s + kTimeSlack_s) {
-      continue;
-    }
-    ++outcome.samples;
-    if (!outcome.first_unmet && !agrees(expectation, now_)) outcome.first_unmet = now_;
-  }
-}
-
 std::vector<ExpectationOutcome> RunHistory::expectations() const {
-  std::vector<ExpectationOutcome> outcomes = expectations_;
-  for (ExpectationOutcome& outcome : outcomes) {
-    outcome.is_met = outcome.samples > 0 && !outcome.first_unmet;
+  std::vector<ExpectationOutcome> outcomes;
+  for (const ExpectationWatch& expectation : expectations_) {
+    outcomes.push_back(expectation.outcome());
   }
   return outcomes;
 }
@@ -236,36 +196,6 @@ bool RunHistory::are_expectations_met() const {
   const std::vector<ExpectationOutcome> outcomes = expectations();
   return std::all_of(outcomes.begin(), outcomes.end(),
                      [](const ExpectationOutcome& outcome) { return outcome.is_met; });
-}
-
-std::string verdict_text(const VerdictEntry& entry) {
-  const std::string name(verdict_name(entry.verdict));
-  if (!entry.blame.empty()) return fmt::format("{} ({})", name, entry.blame);
-  const std::string sets =
-      entry.verdict == Verdict::kUnexplained ? std::string() : sets_text(entry.sets);
-  return sets.empty() ? name : name + " " + sets;
-}
-
-std::string verdict_detail(const VerdictEntry& entry) {
-  std::vector<std::string> parts;
-  if (!entry.estimates.empty()) {
-    std::vector<std::string> estimates;
-    for (const EstimateEntry& estimate : entry.estimates) {
-      estimates.push_back(estimate_text(estimate));
-    }
-    parts.push_back(fmt::format("{}", fmt::join(estimates, ", ")));
-  }
-  if (entry.cause == Cause::kPartial) {
-    parts.push_back(
-        fmt::format("{}, could be {} below a threshold", entry.note, sets_text(entry.sets)));
-  } else if (!entry.note.empty()) {
-    parts.push_back(entry.note);
-  }
-  if (entry.onset_s && entry.verdict != Verdict::kHealthy) {
-    parts.push_back(fmt::format("onset {:.6g} s", *entry.onset_s));
-  }
-  if (!entry.no_estimate.empty()) parts.push_back("no estimate: " + entry.no_estimate);
-  return fmt::format("{}", fmt::join(parts, "; "));
 }
 
 }  // namespace faultline

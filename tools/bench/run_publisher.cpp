@@ -66,6 +66,11 @@ latency_histogram_t to_message(const StageLatency& stage) {
   return message;
 }
 
+/// Whether what such a fault does changes from cycle to cycle.
+bool is_moving_kind(InjectionKind kind) {
+  return kind == InjectionKind::kSinusoid || kind == InjectionKind::kDrift;
+}
+
 }  // namespace
 
 /// A channel and how much was published on it.
@@ -301,15 +306,14 @@ void RunPublisher::publish_estimate(const FaultEstimate& estimate, std::uint32_t
   publish(messages_->on_estimate, message);
 }
 
-void RunPublisher::publish_truth(const PlantTruth& truth, const std::vector<Injection>& injections,
+void RunPublisher::publish_truth(const PlantTruth& truth, const FaultSchedule& schedule,
                                  const Eigen::VectorXd& x, std::int64_t utime) {
   const double t_s = truth.cycle * inputs_->bank.sample_time_s;
   bool is_due = is_first_truth_ || truth.cycle % cycles_per_second_ == 0;
-  last_activity_.resize(injections.size(), 0.0);
-  for (std::size_t i = 0; i < injections.size(); ++i) {
-    const double a = activity(injections[i], t_s);
-    // What a sinusoid adds changes in every cycle.
-    const bool is_moving = a > 0.0 && injections[i].kind == InjectionKind::kSinusoid;
+  last_activity_.resize(schedule.size(), 0.0);
+  for (std::size_t i = 0; i < last_activity_.size(); ++i) {
+    const double a = schedule.activity(i, t_s);
+    const bool is_moving = a > 0.0 && is_moving_kind(schedule.injection(i).kind);
     is_due = is_due || is_moving || a != last_activity_[i];
     last_activity_[i] = a;
   }
@@ -319,13 +323,13 @@ void RunPublisher::publish_truth(const PlantTruth& truth, const std::vector<Inje
   message.utime = utime;
   message.cycle = truth.cycle;
   message.faults.clear();
-  for (std::size_t i = 0; i < injections.size(); ++i) {
-    const Injection& injection = injections[i];
+  for (std::size_t i = 0; i < last_activity_.size(); ++i) {
+    const Injection& injection = schedule.injection(i);
     if (last_activity_[i] == 0.0) continue;
     injected_fault_t& fault = message.faults.emplace_back();
     fault.target = injection.target;
     fault.kind = injection_kind_name(injection.kind);
-    fault.value = injected_value(injection, t_s);
+    fault.value = schedule.value(i, t_s);
   }
   message.fault_count = static_cast<std::int32_t>(message.faults.size());
   message.x.assign(x.data(), x.data() + x.size());

@@ -13,6 +13,7 @@
 #include "drivers/can/can_frame.h"
 #include "drivers/signal/sampler.h"
 #include "sim/fault_schedule.h"
+#include "sim/frame_faults.h"
 #include "sim/plant_node.h"
 #include "tools/bench/diagnosis_inputs.h"
 #include "tools/bench/diagnosis_record.h"
@@ -38,6 +39,7 @@ struct RunCounters {
   std::uint64_t skipped_cycles = 0;
   std::uint64_t records_dropped = 0;
   std::uint64_t clamped_values = 0;
+  FrameFaultCounters frame_faults;  ///< of plant and controller; not in STATS
   // Of the diagnosis thread after warm-up; nothing where it is not counted.
   std::optional<std::uint64_t> allocations;
   std::optional<std::uint64_t> page_faults;
@@ -69,7 +71,7 @@ class RunPublisher {
   /// @return the ESTIMATE if one was sent, valid until the next call; else null.
   const FaultEstimate* publish_record(const DiagnosisRecord& record, std::int64_t utime);
   /// TRUTH, when due. `x` is the absolute state.
-  void publish_truth(const PlantTruth& truth, const std::vector<Injection>& injections,
+  void publish_truth(const PlantTruth& truth, const FaultSchedule& schedule,
                      const Eigen::VectorXd& x, std::int64_t utime);
   void publish_event(std::int64_t cycle, const std::string& severity, const std::string& source,
                      const std::string& text, std::int64_t utime);

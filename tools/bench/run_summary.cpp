@@ -168,9 +168,17 @@ void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions
              counters.frames_sent, counters.frames_received, counters.frames_dropped,
              counters.send_errors, counters.cycles, counters.late_cycles, counters.overruns,
              counters.skipped_cycles, counters.samples, counters.bad_samples);
+  if (!counters.frame_faults.is_clean()) {
+    fmt::print(out, "  faults   frames dropped {}, changed {}, late {}, added {}\n",
+               counters.frame_faults.dropped, counters.frame_faults.changed,
+               counters.frame_faults.late, counters.frame_faults.added);
+  }
   print_realtime(out, result);
   print_integrity(out, inputs.map, result.messages);
   print_dbc_warnings(out, inputs.dbc_warnings);
+  for (const std::string& warning : inputs.warnings) {
+    fmt::print(out, "  WARNING  {}\n", warning);
+  }
   for (const std::string& warning : inputs.perturbations.warnings()) {
     fmt::print(out, "  WARNING  {}\n", warning);
   }
@@ -231,6 +239,10 @@ nlohmann::ordered_json summary_json(const BenchInputs& inputs, const BenchOption
                     {"dropped", counters.frames_dropped},
                     {"unlogged", counters.frames_unlogged},
                     {"send_errors", counters.send_errors}};
+  json["frame_faults"] = {{"dropped", counters.frame_faults.dropped},
+                          {"changed", counters.frame_faults.changed},
+                          {"late", counters.frame_faults.late},
+                          {"added", counters.frame_faults.added}};
   json["cycles"] = {{"total", counters.cycles},
                     {"late", counters.late_cycles},
                     {"overruns", counters.overruns},

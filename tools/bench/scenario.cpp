@@ -6,150 +6,13 @@
 
 #include "diagnosis/model/toml_reader.h"
 #include "tools/bench/endpoints.h"
+#include "tools/bench/scenario_tables.h"
 
 namespace faultline {
 namespace {
 
 /// Thirty years: microseconds since 1970 and nanoseconds of run time stay far within 64 bits.
 constexpr double kMaxDuration_s = 1e9;
-
-double positive(TomlTable& table, std::string_view key) {
-  const double value = table.number(key);
-  if (value <= 0.0) {
-    throw table.error(key, fmt::format("found {}, expected a positive number", value));
-  }
-  return value;
-}
-
-double not_negative(const TomlTable& table, std::string_view key, double value) {
-  if (value < 0.0) {
-    throw table.error(key, fmt::format("found {}, expected zero or more seconds", value));
-  }
-  return value;
-}
-
-ControllerSpec read_controller(TomlTable table) {
-  ControllerSpec spec;
-  const std::string kind = table.choice("kind", {"lqr", "gain", "none"});
-  if (kind == "lqr") {
-    spec.kind = ControllerKind::kLqr;
-    spec.Q = table.optional_matrix("Q", -1, -1);
-    spec.R = table.optional_matrix("R", -1, -1);
-  } else if (kind == "gain") {
-    spec.kind = ControllerKind::kGain;
-    spec.K = table.matrix("K", -1, -1);
-  }
-  spec.feedforward = table.optional_vector("feedforward", -1);
-  spec.amplitude = table.optional_vector("amplitude", -1);
-  if (spec.amplitude) spec.frequency_Hz = table.vector("frequency_Hz", spec.amplitude->size());
-  return spec;
-}
-
-template <class Timed>
-void read_end(TomlTable& table, Timed& entry) {
-  entry.until_s = table.optional_number("until_s");
-  if (entry.until_s && *entry.until_s <= entry.at_s) {
-    throw table.error("until_s", fmt::format("found {}, expected more than at_s = {}",
-                                             *entry.until_s, entry.at_s));
-  }
-}
-
-template <class Sinusoid>
-void read_sinusoid(TomlTable& table, Sinusoid& entry) {
-  entry.frequency_Hz = positive(table, "frequency_Hz");
-  entry.phase_rad = table.optional_number("phase_rad").value_or(0.0);
-}
-
-Injection read_injection(TomlTable table) {
-  Injection injection;
-  injection.target = table.string("target");
-  const std::string kind = table.choice("kind", {"bias", "gain", "sinusoid"});
-  if (kind == "gain") injection.kind = InjectionKind::kGain;
-  if (kind == "sinusoid") {
-    injection.kind = InjectionKind::kSinusoid;
-    read_sinusoid(table, injection);
-  }
-  injection.value = table.number("value");
-  injection.at_s = not_negative(table, "at_s", table.number("at_s"));
-  read_end(table, injection);
-  injection.ramp_s = not_negative(table, "ramp_s", table.optional_number("ramp_s").value_or(0.0));
-  if (table.has("period_s")) injection.period_s = positive(table, "period_s");
-  return injection;
-}
-
-Perturbation read_perturbation(TomlTable table) {
-  Perturbation perturbation;
-  perturbation.target = table.string("target");
-  const std::string kind = table.choice("kind", {"uniform", "constant", "sinusoid"});
-  if (kind == "constant") perturbation.kind = PerturbationKind::kConstant;
-  if (kind == "sinusoid") {
-    perturbation.kind = PerturbationKind::kSinusoid;
-    read_sinusoid(table, perturbation);
-  }
-  // A constant may have either sign; of the others the sign says nothing.
-  if (perturbation.kind == PerturbationKind::kConstant) {
-    perturbation.size = table.optional_number("size");
-  } else if (table.has("size")) {
-    perturbation.size = positive(table, "size");
-  }
-  perturbation.at_s = not_negative(table, "at_s", table.optional_number("at_s").value_or(0.0));
-  read_end(table, perturbation);
-  return perturbation;
-}
-
-Integration read_simulation(TomlTable table) {
-  using enum IntegrationMethod;
-  Integration integration;
-  const std::string name = table.choice("method", {"exact", "zoh", "euler", "rk4"});
-  for (const IntegrationMethod method : {kExact, kZoh, kEuler, kRk4}) {
-    if (name == integration_method_name(method)) integration.method = method;
-  }
-  if (!table.has("substeps")) return integration;
-  if (integration.method != kRk4) {
-    throw table.error(
-        "substeps",
-        fmt::format("found it with method = \"{}\", expected it with \"rk4\" only", name));
-  }
-  const std::int64_t substeps = table.optional_integer("substeps").value_or(0);
-  if (substeps < 1 || substeps > kMostSubsteps) {
-    throw table.error("substeps",
-                      fmt::format("found {}, expected 1 to {}", substeps, kMostSubsteps));
-  }
-  integration.substeps = static_cast<int>(substeps);
-  return integration;
-}
-
-Expectation read_expectation(TomlTable table, double duration_s) {
-  Expectation expectation;
-  expectation.from_s = not_negative(table, "from_s", table.number("from_s"));
-  expectation.until_s = table.number("until_s");
-  if (expectation.until_s < expectation.from_s) {
-    throw table.error("until_s", fmt::format("found {}, expected at least from_s = {}",
-                                             expectation.until_s, expectation.from_s));
-  }
-  if (expectation.from_s > duration_s) {
-    throw table.error("from_s", fmt::format("found {}, expected at most duration_s = {}",
-                                            expectation.from_s, duration_s));
-  }
-  const std::string verdict =
-      table.choice("verdict", {"healthy", "isolated", "ambiguous", "unexplained", "inhibited"});
-  for (const Verdict candidate : {Verdict::kHealthy, Verdict::kIsolated, Verdict::kAmbiguous,
-                                  Verdict::kUnexplained, Verdict::kInhibited}) {
-    if (verdict == verdict_name(candidate)) expectation.verdict = candidate;
-  }
-  if (expectation.verdict == Verdict::kIsolated) {
-    expectation.faults = table.strings("faults");
-    if (expectation.faults.empty()) {
-      throw table.error("faults", "found an empty list, expected the isolated faults");
-    }
-    std::sort(expectation.faults.begin(), expectation.faults.end());
-  } else if (table.has("faults")) {
-    throw table.error("faults", fmt::format("found a list, expected none: only the verdict "
-                                            "\"isolated\" names faults, this one is \"{}\"",
-                                            verdict));
-  }
-  return expectation;
-}
 
 ChannelMapping read_mapping(TomlTable& signals, const std::string& channel) {
   ChannelMapping mapping;
@@ -171,50 +34,76 @@ ChannelMapping read_mapping(TomlTable& signals, const std::string& channel) {
   return mapping;
 }
 
-Scenario scenario_of(TomlTable root, const std::filesystem::path& file) {
-  const std::filesystem::path folder = file.parent_path();
+/// [[expect]], each of which must be possible beside those before it.
+void read_expectations(TomlTable& root, Scenario& scenario) {
+  for (const TomlTable& table : root.tables("expect")) {
+    const Expectation expectation = read_expectation(table, scenario.duration_s);
+    for (std::size_t i = 0; i < scenario.expectations.size(); ++i) {
+      if (!contradict(scenario.expectations[i], expectation)) continue;
+      throw table.error(
+          "from_s", fmt::format("found {}, which contradicts entry {} ({}), expected verdicts that "
+                                "one diagnosis can give where they overlap",
+                                expectation_words(expectation), i + 1,
+                                expectation_words(scenario.expectations[i])));
+    }
+    scenario.expectations.push_back(expectation);
+  }
+}
+
+Scenario scenario_of(TomlTable root, const std::filesystem::path& file,
+                     const IncludeReader& includes) {
   Scenario scenario;
+  scenario.includes = adopt_includes(root, file, includes);
+  scenario.tables = root;
   scenario.file = file;
   scenario.text = root.text();
   if (const auto schema = root.integer("schema"); schema != 1) {
     throw root.error("schema", fmt::format("found {}, expected 1", schema));
   }
   scenario.name = root.string("name");
-  scenario.plant = folder / root.string("plant");
-  scenario.bank = folder / root.string("bank");
-  scenario.dbc = folder / root.string("dbc");
+  scenario.plant = path_in(root, "plant");
+  scenario.bank = path_in(root, "bank");
+  scenario.dbc = path_in(root, "dbc");
   if (const auto bus = root.optional_string("bus")) {
     if (!is_bus_name(*bus)) {
       throw root.error("bus", fmt::format("found \"{}\", expected {}", *bus, kBusNamesHelp));
     }
     scenario.bus = *bus;
   }
-  scenario.duration_s = positive(root, "duration_s");
+  scenario.duration_s = read_positive(root, "duration_s");
   if (scenario.duration_s > kMaxDuration_s) {
     throw root.error("duration_s", fmt::format("found {}, expected at most {}", scenario.duration_s,
                                                kMaxDuration_s));
   }
   scenario.seed = root.optional_integer("seed").value_or(1);
-  scenario.initial_state = root.optional_vector("initial_state", -1);
+  if (root.is_table("initial_state")) {
+    TomlTable states = root.table("initial_state");
+    for (const std::string& name : states.keys()) {
+      scenario.initial_states.emplace(name, states.number(name));
+    }
+  } else {
+    scenario.initial_state = root.optional_vector("initial_state", -1);
+  }
   scenario.is_initial_state_known = root.optional_boolean("initial_state_known").value_or(false);
   if (auto simulation = root.optional_table("simulation")) {
-    scenario.integration = read_simulation(*simulation);
+    scenario.simulation = read_simulation(*simulation, folder_of(*simulation, "library"));
   }
   if (auto controller = root.optional_table("controller")) {
-    scenario.controller = read_controller(*controller);
+    scenario.controller = read_controller(*controller, folder_of(*controller, "file"));
+  }
+  for (const TomlTable& table : root.tables("reference")) {
+    scenario.controller.reference_steps.push_back(read_reference_step(table, scenario.controller));
   }
   for (const TomlTable& table : root.tables("fault")) {
-    scenario.injections.push_back(read_injection(table));
+    scenario.injections.push_back(read_injection(table, scenario.duration_s));
   }
   for (const TomlTable& table : root.tables("disturbance")) {
-    scenario.disturbances.push_back(read_perturbation(table));
+    scenario.disturbances.push_back(read_perturbation(table, folder_of(table, "target")));
   }
   for (const TomlTable& table : root.tables("noise")) {
-    scenario.noises.push_back(read_perturbation(table));
+    scenario.noises.push_back(read_perturbation(table, folder_of(table, "target")));
   }
-  for (const TomlTable& table : root.tables("expect")) {
-    scenario.expectations.push_back(read_expectation(table, scenario.duration_s));
-  }
+  read_expectations(root, scenario);
   if (auto signals = root.optional_table("signals")) {
     for (const std::string& channel : signals->keys()) {
       scenario.signals.emplace(channel, read_mapping(*signals, channel));
@@ -226,20 +115,49 @@ Scenario scenario_of(TomlTable root, const std::filesystem::path& file) {
 
 }  // namespace
 
+double read_positive(TomlTable& table, std::string_view key) {
+  const double value = table.number(key);
+  if (value <= 0.0) {
+    throw table.error(key, fmt::format("found {}, expected a positive number", value));
+  }
+  return value;
+}
+
+double require_time(const TomlTable& table, std::string_view key, double value) {
+  if (value < 0.0) {
+    throw table.error(key, fmt::format("found {}, expected zero or more seconds", value));
+  }
+  return value;
+}
+
+std::filesystem::path folder_of(const TomlTable& table, std::string_view key) {
+  return std::filesystem::path(table.source_of(key)).parent_path();
+}
+
+std::filesystem::path path_in(TomlTable& table, std::string_view key) {
+  return folder_of(table, key) / table.string(key);
+}
+
 Scenario read_scenario(const std::filesystem::path& file) {
-  return scenario_of(TomlTable::read_file(file), file);
+  return scenario_of(TomlTable::read_file(file), file, includes_beside(file));
 }
 
-Scenario parse_scenario(std::string_view text, const std::filesystem::path& file) {
-  return scenario_of(TomlTable::parse(text, file.string()), file);
+Scenario parse_scenario(std::string_view text, const std::filesystem::path& file,
+                        const std::vector<IncludedText>& includes) {
+  return scenario_of(TomlTable::parse(text, file.string()), file,
+                     includes_among(includes, file.string()));
 }
 
-SourcePosition position_in(const Scenario& scenario, std::string_view table, std::string_view key,
-                           std::optional<std::size_t> entry) {
-  TomlTable root = TomlTable::parse(scenario.text, scenario.file.string());
-  if (table.empty()) return root.error(key, "").position();
-  if (entry) return root.tables(table).at(*entry).error(key, "").position();
-  return root.table(table).error(key, "").position();
+InputError scenario_error(const Scenario& scenario, std::string_view table, std::string_view key,
+                          const std::string& text, std::optional<std::size_t> entry) {
+  const auto at = [&]() -> InputError {
+    if (!scenario.tables) return {scenario.file.string(), {}, ""};
+    TomlTable root = *scenario.tables;
+    if (table.empty() || !root.has(table)) return root.error(key, "");
+    if (entry) return root.tables(table).at(*entry).error(key, "");
+    return root.table(table).error(key, "");
+  }();
+  return {at.source(), at.position(), text};
 }
 
 }  // namespace faultline

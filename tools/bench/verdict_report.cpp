@@ -36,31 +36,36 @@ Json verdict_json(const VerdictEntry& entry) {
 }
 
 Json expectation_json(const ExpectationOutcome& outcome) {
-  Json json{{"from_s", outcome.expectation.from_s},
-            {"until_s", outcome.expectation.until_s},
-            {"verdict", verdict_name(outcome.expectation.verdict)},
-            {"faults", outcome.expectation.faults},
-            {"met", outcome.is_met},
-            {"samples", outcome.samples}};
+  const Expectation& expectation = outcome.expectation;
+  Json verdicts = Json::array();
+  for (const Verdict verdict : expectation.verdicts) verdicts.push_back(verdict_name(verdict));
+  Json json{{"from_s", expectation.from_s},
+            {"until_s", expectation.until_s},
+            {"verdict", verdicts.size() == 1 ? verdicts.front() : verdicts},
+            {"faults", expectation.faults}};
+  if (!expectation.sets.empty()) json["sets"] = expectation.sets;
+  if (expectation.within_s) json["within_s"] = *expectation.within_s;
+  for (const ExpectedEstimate& estimate : expectation.estimates) {
+    json["estimate"][estimate.fault] = {{"value", estimate.value},
+                                        {"tolerance", estimate.tolerance}};
+  }
+  if (expectation.has_no_false_alarm) json["no_false_alarm"] = true;
+  if (!expectation.blamed.empty()) json["blame"] = expectation.blamed;
+  if (!expectation.blamed_faults.empty()) json["blame_fault"] = expectation.blamed_faults;
+  json["text"] = expectation_words(expectation);
+  json["met"] = outcome.is_met;
+  json["samples"] = outcome.samples;
+  if (outcome.delay_s) json["delay_s"] = *outcome.delay_s;
+  if (!outcome.found.empty()) json["found"] = outcome.found;
   if (outcome.first_unmet) json["first_unmet"] = verdict_json(*outcome.first_unmet);
   return json;
 }
 
 std::string expectation_text(const ExpectationOutcome& outcome) {
-  const Expectation& expectation = outcome.expectation;
-  std::string text =
-      fmt::format("{} {:g} .. {:g} s  {}", outcome.is_met ? "met    " : "NOT MET",
-                  expectation.from_s, expectation.until_s, verdict_name(expectation.verdict));
-  if (!expectation.faults.empty()) {
-    text += fmt::format(" {}", fmt::join(expectation.faults, ", "));
-  }
-  if (outcome.first_unmet) {
-    const std::string& note = outcome.first_unmet->note;
-    text += fmt::format("; found {}{} at {:g} s", verdict_text(*outcome.first_unmet),
-                        note.empty() ? "" : " (" + note + ")", outcome.first_unmet->t_s);
-  } else if (outcome.samples == 0) {
-    text += "; the run had no sample there";
-  }
+  std::string text = fmt::format("{} {}", outcome.is_met ? "met    " : "NOT MET",
+                                 expectation_words(outcome.expectation));
+  if (outcome.delay_s) text += fmt::format(" (after {:.0f} ms)", *outcome.delay_s * 1e3);
+  if (!outcome.found.empty()) text += "; " + outcome.found;
   return text;
 }
 

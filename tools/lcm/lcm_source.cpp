@@ -49,7 +49,7 @@ struct LcmSource::State {
   }
 };
 
-LcmSource::LcmSource(const std::string& url, const std::string& channels)
+LcmSource::LcmSource(const std::string& url, const std::string& channels, int queue)
     : state_(std::make_unique<State>()) {
   check_live_lcm_url(url);
   state_->url = url;
@@ -58,7 +58,7 @@ LcmSource::LcmSource(const std::string& url, const std::string& channels)
   lcm_subscription_t* const subscription =
       lcm_subscribe(state_->lcm, channels.c_str(), &State::on_event, state_.get());
   if (subscription == nullptr) throw MessageSourceError(lcm_refusal_text(url));
-  lcm_subscription_set_queue_capacity(subscription, kQueue);
+  lcm_subscription_set_queue_capacity(subscription, queue);
 }
 
 LcmSource::~LcmSource() = default;

@@ -33,9 +33,10 @@ class LcmSource {
   static constexpr int kQueue = 65536;
 
   /// @param channels regular expression that a channel's whole name must match
+  /// @param queue messages that wait for `receive` at most
   /// @throws std::invalid_argument the URL does not read as one to listen to;
   /// @throws MessageSourceError it cannot be opened, with what to do.
-  LcmSource(const std::string& url, const std::string& channels);
+  LcmSource(const std::string& url, const std::string& channels, int queue = kQueue);
   ~LcmSource();
   LcmSource(const LcmSource&) = delete;
   LcmSource& operator=(const LcmSource&) = delete;

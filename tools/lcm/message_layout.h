@@ -30,6 +30,7 @@ inline constexpr std::string_view kDiagnosis = "qqqqqsssiN(NS)";
 inline constexpr std::string_view kEstimate = "qqqqsNSQQQ";
 inline constexpr std::string_view kTruth = "qqqN(ssq)NQ";
 inline constexpr std::string_view kEvent = "qqqsss";
+inline constexpr std::string_view kInject = "qqscsscqqqqqqqs";
 inline constexpr std::string_view kStats = "qqqcqqqqqqqqqqqqqN(sqqqqiNQQ)NSQ";
 }  // namespace layout
 

@@ -12,7 +12,7 @@ namespace faultline {
 
 /// A text a run was made from; goes into the log (RUN).
 struct RunPart {
-  std::string part;  ///< scenario, plant, bank_request, bank, dbc, buses
+  std::string part;  ///< scenario, include:NAME, plant, bank_request, bank, dbc, buses
   std::string name;  ///< file name
   std::string text;
 };

@@ -160,6 +160,8 @@ class LcmReplay {
       take_part(event);
     } else if (event.channel == kStatsChannel) {
       take_stats(event);
+    } else if (event.channel == kTruthChannel) {
+      if (decode_message(event.data, layout::kTruth, truth_)) faults_.on_truth(truth_);
     }
   }
 
@@ -247,6 +249,7 @@ class LcmReplay {
     if (!run_) return;
     frames_.give_up();
     result_.runs.push_back(run_->finish(has_ended_));
+    result_.runs.back().faults = std::exchange(faults_, {}).faults();
     run_.reset();
     run_id_.clear();
   }
@@ -275,10 +278,11 @@ class LcmReplay {
 
   [[nodiscard]] static bool has_all(const RunParts& parts) {
     constexpr std::array<std::string_view, 4> kNeeded = {"scenario", "plant", "dbc", "bank"};
-    return std::all_of(kNeeded.begin(), kNeeded.end(), [&](std::string_view name) {
+    const bool is_whole = std::all_of(kNeeded.begin(), kNeeded.end(), [&](std::string_view name) {
       const RunParts::Part* const part = parts.find(name);
       return part != nullptr && part->is_whole();
     });
+    return is_whole && has_all_includes(parts.whole_parts());
   }
 
   const ReplayOptions* options_;
@@ -295,6 +299,8 @@ class LcmReplay {
        .on_restart = [this] { on_gap(next_frame_, 0); }}};
   run_t part_{};
   stats_t stats_{};
+  truth_t truth_{};
+  RecordedFaults faults_;
 };
 
 /// A text of frames has no results to compare, and the names of its buses stand for their order.

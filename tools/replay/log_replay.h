@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tools/bench/run_history.h"
+#include "tools/replay/recorded_faults.h"
 #include "tools/replay/result_comparison.h"
 
 namespace faultline {
@@ -54,6 +55,7 @@ struct RunReplay {
   std::uint64_t frames = 0;
   std::uint64_t missing_frames = 0;            ///< of which the log shows that they are missing
   bool has_ended = false;                      ///< the log has the end of the run
+  std::vector<RecordedFault> faults{};         ///< that TRUTH says acted
   std::optional<Verification> verification{};  ///< of a log with results
   std::vector<BankAnswer> answers{};           ///< the recorded bank's first, if there is one
 };

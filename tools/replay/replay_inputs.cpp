@@ -96,6 +96,9 @@ ReplayInputs other_inputs(const ReplayOptions& options, const std::vector<RunPar
     for (const RunPart& part : own->parts) {
       if (part.part == "scenario" || part.part == "plant") inputs.parts.push_back(part);
     }
+    for (const IncludedText& include : included_texts(own->parts)) {
+      inputs.parts.push_back(include_part(include));
+    }
   }
   return inputs;
 }

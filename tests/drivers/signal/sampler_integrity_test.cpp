@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <random>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -361,6 +362,58 @@ TEST(SamplerIntegrity, BlamesACommandWithAWrongCrcWhereItShouldAct) {
   EXPECT_EQ(unit.seen[2].flags, 0U);
   EXPECT_EQ(unit.sampler.message_counters(kU).missing, 1U);
   EXPECT_EQ(unit.sampler.message_counters(kV).missing, 0U);
+}
+
+/// Cycle k of a unit that acts on command c, in which message U's alive counter is that of cycle 2.
+void frozen_cycle(ProtectedUnit& unit, std::uint32_t k, std::uint32_t c) {
+  unit.push(unit.next(kSync, k, c));
+  unit.push(unit.next(kA, k));
+  unit.push(unit.next(kB, k));
+  CanFrame frame = unit.next(kU, k);
+  unit.map.message_protection(kU).write(std::span(frame.data).first(frame.length), 2);
+  unit.push(frame);
+  unit.push(unit.next(kV, k));
+}
+
+TEST(SamplerIntegrity, BlamesACommandWithAFrozenCounterThatTheUnitRefusesToo) {
+  ProtectedUnit unit;
+  unit.join_at(2);  // counters 0, 1, 2 in cycles 0, 1, 2
+  ASSERT_EQ(unit.map.message_protection(kU).count(unit.next(kU, 9).payload()), 3U);
+  frozen_cycle(unit, 3, 2);
+  frozen_cycle(unit, 4, 2);
+  frozen_cycle(unit, 5, 2);
+  unit.push(unit.next(kSync, 6, 2));  // the unit still acts on command 2
+  for (const std::size_t message : {kA, kB, kU, kV}) unit.push(unit.next(message, 6));
+  unit.cycle(7);
+  unit.cycle(8);
+  ASSERT_EQ(unit.seen.size(), 6U);
+  EXPECT_EQ(unit.seen[0].flags, 0U);  // 3: command 2 acts, as it should
+  for (std::size_t n = 1; n < 4; ++n) {
+    EXPECT_EQ(unit.seen[n].cycle, n + 3);
+    EXPECT_EQ(unit.seen[n].command_cycle, 2U);
+    EXPECT_EQ(unit.seen[n].flags, kSampleChecksum) << n;
+    EXPECT_EQ(unit.seen[n].blame, (Blame{kU, MessageFault::kCounterRepeated}));
+    EXPECT_EQ(unit.seen[n].u, (std::vector<double>{u_of(2)[0], u_of(2)[1]}));
+    EXPECT_EQ(unit.seen[n].u_state, (States{kFresh, kFresh}));
+  }
+  EXPECT_EQ(unit.seen[4].flags & kBadSample, 0U);
+  EXPECT_EQ(unit.seen[5].flags, 0U);
+}
+
+TEST(SamplerIntegrity, BlamesACommandRefusedAfterTheCycleInWhichItShouldHaveActed) {
+  ProtectedUnit unit;
+  unit.join_at(2);
+  CanFrame frozen = unit.next(kU, 3);
+  unit.map.message_protection(kU).write(std::span(frozen.data).first(frozen.length), 2);
+  for (const std::size_t message : {kSync, kA, kB}) unit.push(unit.next(message, 3, 2));
+  for (const std::size_t message : {kSync, kA, kB}) unit.push(unit.next(message, 4, 2));
+  ASSERT_EQ(unit.seen.size(), 2U);  // sample 4 has closed: command 2 goes on acting
+  unit.push(frozen);
+  for (const std::size_t message : {kSync, kA, kB}) unit.push(unit.next(message, 5, 2));
+  ASSERT_EQ(unit.seen.size(), 3U);
+  EXPECT_EQ(unit.seen[1].flags, 0U);
+  EXPECT_EQ(unit.seen[2].flags, kSampleChecksum);
+  EXPECT_EQ(unit.seen[2].blame, (Blame{kU, MessageFault::kCounterRepeated}));
 }
 
 TEST(SamplerIntegrity, BlamesASyncWithAWrongCrc) {

@@ -79,6 +79,37 @@ TEST(BenchOnUdp, GivesTheSameBitsAsTheLoopBusInLockStep) {
   EXPECT_EQ(on_udp.counters.frames_dropped, 0U);
 }
 
+/// With faults of frames the next cycle begins when all that was passed on has arrived: the same
+/// frames in the same cycles on every bus.
+void expect_same_bits_with_frame_faults(const std::string& bus) {
+  for (const char* name : {"all_messages", "babbling_unmapped", "bus_off_plant", "delayed_command",
+                           "intermittent", "with_actuator_fault"}) {
+    SCOPED_TRACE(name);
+    const BenchInputs inputs =
+        load_bench_inputs(kExamples / "bus_faults" / (std::string(name) + ".toml"));
+    const TemporaryFolder folder;
+    const BenchResult on_loop = run(inputs, "loop", false, folder.path() / "loop.lcm");
+    const BenchResult on_bus = run(inputs, bus, false, folder.path() / "bus.lcm");
+    EXPECT_FALSE(on_bus.stop_reason.has_value()) << on_bus.stop_reason->text;
+    EXPECT_TRUE(on_bus.history.are_expectations_met());
+    EXPECT_EQ(on_bus.counters.frames_sent, on_loop.counters.frames_sent);
+    EXPECT_EQ(on_bus.counters.frames_received, on_loop.counters.frames_received);
+    EXPECT_EQ(on_bus.counters.late_cycles, on_loop.counters.late_cycles);
+    const auto loop = logged_residuals(folder.path() / "loop.lcm");
+    const auto residuals = logged_residuals(folder.path() / "bus.lcm");
+    ASSERT_EQ(loop.size(), residuals.size());
+    EXPECT_EQ(first_difference(loop, residuals), loop.size());
+  }
+}
+
+TEST(BenchOnVcan, GivesTheSameBitsAsTheLoopBusWithFaultsOfFrames) {
+  expect_same_bits_with_frame_faults("can:vcan0");
+}
+
+TEST(BenchOnUdp, GivesTheSameBitsAsTheLoopBusWithFaultsOfFrames) {
+  expect_same_bits_with_frame_faults("udp:239.74.163.2:43115");
+}
+
 TEST(BenchOnVcan, DiagnosesInRealTimeAndAccountsForEveryFrame) {
   BenchInputs inputs = load_bench_inputs(kExamples / "demo.toml");
   inputs.scenario.duration_s = 3.0;

@@ -27,7 +27,7 @@ std::vector<CanFrame> record_frames(const BenchInputs& inputs, std::uint32_t cyc
   FrameRecorder bus;
   PlantNode plant(inputs.plant, inputs.map, inputs.schedule, inputs.bank.sample_time_s,
                   inputs.x_initial);
-  ControllerNode controller(inputs.map, inputs.control_law);
+  ControllerNode controller(inputs.map, inputs.make_controller());
   std::size_t controller_read = 0;
   std::size_t plant_read = 0;
   for (std::uint32_t k = 0; k < cycles; ++k) {

@@ -16,6 +16,7 @@
 #include "diagnosis/bank/bank_file.h"
 #include "diagnosis/model/input_error.h"
 #include "diagnosis/model/plant_file.h"
+#include "sim/static_feedback.h"
 #include "tests/tools/bench/log_comparison.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/run_summary.h"
@@ -206,7 +207,10 @@ TEST_F(NonlinearRunTest, WarnsOfNoiseBeyondTheBoundOfThePlantFile) {
 
 TEST_F(NonlinearRunTest, StopsWhenThePlantDiverges) {
   BenchInputs inputs = load("");
-  inputs.control_law = open_loop(inputs.plant, Eigen::VectorXd::Ones(inputs.plant.m()));
+  inputs.make_controller = [&inputs] {
+    return std::make_unique<StaticFeedback>(
+        open_loop(inputs.plant, Eigen::VectorXd::Ones(inputs.plant.m())));
+  };
   inputs.scenario.duration_s = 1e4;
   const BenchResult result = run(inputs, "run.lcm");
   ASSERT_TRUE(result.stop_reason);

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "diagnosis/design/design_bank.h"
+#include "sim/static_feedback.h"
 #include "tests/tools/bench/log_comparison.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/run_summary.h"
@@ -198,7 +199,10 @@ TEST(RunBench, SaysThatAnInjectedBiasIsTooSmallToBeIsolated) {
 
 TEST(RunBench, StopsWhenThePlantDivergesAndSaysWhere) {
   BenchInputs inputs = load_bench_inputs(kDemo);
-  inputs.control_law = open_loop(inputs.plant, Eigen::VectorXd::Ones(inputs.plant.m()));
+  inputs.make_controller = [&inputs] {
+    return std::make_unique<StaticFeedback>(
+        open_loop(inputs.plant, Eigen::VectorXd::Ones(inputs.plant.m())));
+  };
   inputs.scenario.duration_s = 1e4;
   BenchOptions options;
   options.bus = "loop";

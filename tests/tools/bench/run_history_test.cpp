@@ -1,5 +1,9 @@
 #include "tools/bench/run_history.h"
 
+#include <algorithm>
+#include <map>
+#include <vector>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -66,11 +70,11 @@ TEST_F(RunHistoryTest, MeetsAnExpectationOnlyIfEverySampleAgrees) {
   const FaultSchedule schedule(plant_, {});
   Scenario scenario;
   scenario.expectations = {
-      {.from_s = 0.0, .until_s = 0.5, .verdict = Verdict::kHealthy},
-      {.from_s = 0.0, .until_s = 0.6, .verdict = Verdict::kHealthy},
-      {.from_s = 0.6, .until_s = 0.6, .verdict = Verdict::kIsolated, .faults = {"a"}},
-      {.from_s = 0.6, .until_s = 0.6, .verdict = Verdict::kIsolated, .faults = {"b"}},
-      {.from_s = 9.0, .until_s = 9.5, .verdict = Verdict::kHealthy}};
+      {.from_s = 0.0, .until_s = 0.5, .verdicts = {Verdict::kHealthy}},
+      {.from_s = 0.0, .until_s = 0.6, .verdicts = {Verdict::kHealthy}},
+      {.from_s = 0.6, .until_s = 0.6, .verdicts = {Verdict::kIsolated}, .faults = {"a"}},
+      {.from_s = 0.6, .until_s = 0.6, .verdicts = {Verdict::kIsolated}, .faults = {"b"}},
+      {.from_s = 9.0, .until_s = 9.5, .verdicts = {Verdict::kHealthy}}};
   RunHistory history(bank_, sets_, scenario, schedule);
   for (std::uint32_t k = 0; k < 6; ++k) history.on_record(record(k, Verdict::kHealthy));
   history.on_record(record(6, Verdict::kIsolated, 1));
@@ -83,6 +87,142 @@ TEST_F(RunHistoryTest, MeetsAnExpectationOnlyIfEverySampleAgrees) {
   EXPECT_FALSE(outcomes[3].is_met);
   EXPECT_FALSE(outcomes[4].is_met) << "no sample came to it";
   EXPECT_FALSE(history.are_expectations_met());
+}
+
+/// What became of `expectation` in a run with these verdicts, ten a second.
+class ExpectationWatchTest : public RunHistoryTest {
+ protected:
+  struct Answer {
+    Verdict verdict;
+    std::vector<std::uint32_t> sets{};
+    MessageFault fault = MessageFault::kNone;
+    const char* blamed = "";
+  };
+
+  DiagnosisRecord record_of(std::uint32_t cycle, const Answer& answer) const {
+    DiagnosisRecord found = record(cycle, answer.verdict);
+    found.decision.set_count = static_cast<std::uint32_t>(answer.sets.size());
+    std::copy(answer.sets.begin(), answer.sets.end(), found.decision.sets.begin());
+    found.fault = answer.fault;
+    found.blamed_message = answer.blamed;
+    return found;
+  }
+
+  RunHistory history_of(const Expectation& expectation) const {
+    Scenario scenario;
+    scenario.expectations = {expectation};
+    return {bank_, sets_, scenario, schedule_};
+  }
+
+  ExpectationOutcome outcome(const Expectation& expectation, const std::vector<Answer>& answers) {
+    RunHistory history = history_of(expectation);
+    for (std::uint32_t k = 0; k < answers.size(); ++k) history.on_record(record_of(k, answers[k]));
+    return history.expectations().front();
+  }
+
+  const FaultSchedule schedule_{plant_, {}};
+  const Answer healthy_{Verdict::kHealthy};
+  const Answer inhibited_{Verdict::kInhibited};
+  const Answer a_{Verdict::kIsolated, {1}};
+  const Answer b_{Verdict::kIsolated, {2}};
+};
+
+TEST_F(ExpectationWatchTest, AllowsAnyVerdictOfAList) {
+  const Expectation expectation{
+      .until_s = 0.2, .verdicts = {Verdict::kHealthy, Verdict::kIsolated}, .faults = {"a"}};
+  EXPECT_TRUE(outcome(expectation, {healthy_, a_, healthy_}).is_met);
+  const ExpectationOutcome other = outcome(expectation, {healthy_, a_, b_});
+  EXPECT_EQ(other.found, "found isolated b at 0.2 s");
+  EXPECT_EQ(expectation_text(other),
+            "NOT MET 0 .. 0.2 s  healthy or isolated a; found isolated b "
+            "at 0.2 s");
+}
+
+TEST_F(ExpectationWatchTest, WantsTheVerdictByTheDeadlineAndFromThenOn) {
+  const Expectation expectation{.from_s = 0.1,
+                                .until_s = 0.5,
+                                .verdicts = {Verdict::kIsolated},
+                                .faults = {"a"},
+                                .within_s = 0.25};
+  const ExpectationOutcome met = outcome(expectation, {b_, b_, a_, a_, a_, a_});
+  EXPECT_TRUE(met.is_met);
+  EXPECT_NEAR(met.delay_s.value(), 0.1, 1e-9);
+  EXPECT_EQ(expectation_text(met), "met     0.1 .. 0.5 s  isolated a within 0.25 s (after 100 ms)");
+  // It may come and go before; what counts stands at the deadline.
+  const ExpectationOutcome flutter = outcome(expectation, {b_, a_, b_, a_, a_, a_});
+  EXPECT_TRUE(flutter.is_met);
+  EXPECT_NEAR(flutter.delay_s.value(), 0.2, 1e-9);
+  EXPECT_EQ(outcome(expectation, {b_, a_, a_, b_, a_, a_}).found,
+            "found isolated b at 0.3 s, the deadline");
+  EXPECT_EQ(outcome(expectation, {b_, a_, a_, a_, a_, b_}).found, "found isolated b at 0.5 s");
+  EXPECT_EQ(outcome(expectation, {b_, b_}).found,
+            "found isolated b at 0.1 s, the last sample there");
+}
+
+TEST_F(ExpectationWatchTest, ComparesTheSetsOfAnAmbiguousVerdict) {
+  Expectation expectation{
+      .until_s = 0.0, .verdicts = {Verdict::kAmbiguous}, .sets = {{"a"}, {"b"}}};
+  const Answer both{Verdict::kAmbiguous, {1, 2}};
+  const Answer more{Verdict::kAmbiguous, {1, 2, 3}};
+  EXPECT_TRUE(outcome(expectation, {both}).is_met);
+  EXPECT_EQ(outcome(expectation, {more}).found, "found ambiguous a | b | a, b at 0 s");
+  EXPECT_FALSE(outcome(expectation, {Answer{Verdict::kAmbiguous, {1, 3}}}).is_met);
+  expectation.may_have_more_sets = true;
+  EXPECT_TRUE(outcome(expectation, {more}).is_met);
+  EXPECT_FALSE(outcome(expectation, {Answer{Verdict::kAmbiguous, {1, 3}}}).is_met);
+  expectation.sets.clear();
+  EXPECT_TRUE(outcome(expectation, {both}).is_met) << "any will do";
+}
+
+TEST_F(ExpectationWatchTest, HearsAFalseAlarmEvenBeforeTheDeadline) {
+  const Expectation expectation{
+      .until_s = 0.4, .verdicts = {Verdict::kHealthy}, .within_s = 0.3, .has_no_false_alarm = true};
+  EXPECT_TRUE(outcome(expectation, {inhibited_, inhibited_, healthy_, healthy_, healthy_}).is_met);
+  EXPECT_EQ(outcome(expectation, {inhibited_, a_, healthy_, healthy_, healthy_}).found,
+            "false alarm: found isolated a at 0.1 s");
+}
+
+TEST_F(ExpectationWatchTest, BlamesTheMessageAndNoOther) {
+  const Expectation expectation{.until_s = 0.3,
+                                .verdicts = {Verdict::kHealthy, Verdict::kInhibited},
+                                .blamed = {"S"},
+                                .blamed_faults = {"wrong CRC"}};
+  const Answer right{Verdict::kInhibited, {}, MessageFault::kWrongCrc, "S"};
+  const Answer other{Verdict::kInhibited, {}, MessageFault::kWrongCrc, "T"};
+  const Answer late{Verdict::kInhibited, {}, MessageFault::kLate, "S"};
+  EXPECT_TRUE(outcome(expectation, {inhibited_, right, right, healthy_}).is_met);
+  EXPECT_EQ(outcome(expectation, {healthy_, right, other}).found,
+            "found inhibited (T: wrong CRC) at 0.2 s");
+  EXPECT_EQ(outcome(expectation, {right, late}).found, "found inhibited (S: late) at 0.1 s");
+  EXPECT_EQ(outcome(expectation, {inhibited_, healthy_}).found, "no message was blamed");
+}
+
+TEST_F(ExpectationWatchTest, ComparesTheLastEstimateOfTheStretch) {
+  const Expectation expectation{.from_s = 0.1,
+                                .until_s = 0.3,
+                                .verdicts = {Verdict::kIsolated},
+                                .faults = {"a"},
+                                .estimates = {{"a", 2.0, 0.25}}};
+  // Estimates after the samples, by cycle.
+  const auto found_after = [&](const std::map<std::uint32_t, double>& estimates) {
+    RunHistory history = history_of(expectation);
+    for (std::uint32_t k = 0; k < 6; ++k) {
+      history.on_record(record_of(k, a_));
+      if (const auto at = estimates.find(k); at != estimates.end()) {
+        FaultEstimate estimate;
+        estimate.magnitudes.status = EstimateStatus::kValid;
+        estimate.magnitudes.faults = {0};
+        estimate.magnitudes.value = {at->second};
+        estimate.magnitudes.deviation = {0.0};
+        estimate.magnitudes.bound = {-1.0};
+        history.on_estimate(estimate);
+      }
+    }
+    return history.expectations().front().found;
+  };
+  EXPECT_EQ(found_after({{1, 7.0}, {3, 2.25}, {4, 7.0}}), "");
+  EXPECT_EQ(found_after({{1, 2.0}, {2, 1.7}}), "found a = 1.7 at 0.2 s");
+  EXPECT_EQ(found_after({{0, 2.0}, {4, 2.0}}), "found no estimate of a");
 }
 
 TEST_F(RunHistoryTest, ListsEachChangeOfTheVerdictOnce) {

@@ -1,0 +1,112 @@
+#include <algorithm>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "diagnosis/model/toml_reader.h"
+#include "sim/equation_plant.h"
+#include "sim/model_plant.h"
+#include "sim/plant_library.h"
+#include "sim/plants/catalogue.h"
+#include "tools/bench/bench_parts.h"
+
+namespace faultline {
+namespace {
+
+void check_plant_can_run(const Scenario& scenario, const PlantModel& plant,
+                         const NamedText& plant_file, double sample_time_s) {
+  try {
+    static_cast<void>(method_for(plant, scenario.simulation.integration));
+  } catch (const std::invalid_argument& error) {
+    throw scenario_error(scenario, "simulation", "method",
+                         fmt::format("simulation.{}", error.what()));
+  }
+  try {
+    const ModelPlant stepped(plant, sample_time_s, scenario.simulation.integration);
+  } catch (const std::invalid_argument& error) {
+    throw TomlTable::parse(plant_file.text, plant_file.source).error("sample_time_s", error.what());
+  }
+}
+
+/// The operating point with the states that the scenario names elsewhere.
+Eigen::VectorXd named_initial_state(const Scenario& scenario, const PlantModel& plant) {
+  Eigen::VectorXd x = plant.x_operating;
+  for (const auto& [name, value] : scenario.initial_states) {
+    const auto found = std::find(plant.state_names.begin(), plant.state_names.end(), name);
+    if (found == plant.state_names.end()) {
+      const auto near = nearest_name(name, plant.state_names);
+      throw scenario_error(
+          scenario, "initial_state", name,
+          fmt::format("initial_state: found \"{}\", expected a state of plant \"{}\" ({}){}", name,
+                      plant.name, fmt::join(plant.state_names, ", "),
+                      near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
+    }
+    x(found - plant.state_names.begin()) = value;
+  }
+  return x;
+}
+
+using TablePointer = std::shared_ptr<const faultline_plant_table>;
+
+// The plant in C++ that the scenario names; the library stays loaded as long as somebody holds it.
+TablePointer open_table(const Scenario& scenario) {
+  const SimulationSpec& simulation = scenario.simulation;
+  const bool is_library = !simulation.library.empty();
+  try {
+    if (is_library) return load_plant_library(simulation.library);
+    return {std::shared_ptr<void>(), &catalogue_plant(simulation.model)};
+  } catch (const std::invalid_argument& error) {
+    // The command line may have named the library: then the scenario has no place to point at.
+    if (is_library && simulation.is_library_override) throw;
+    const char* key = is_library ? "library" : "model";
+    throw scenario_error(scenario, "simulation", key,
+                         fmt::format("simulation.{}: {}", key, error.what()));
+  }
+}
+
+PlantMaker equation_plant_maker(const Scenario& scenario, const PlantModel& plant,
+                                double sample_time_s) {
+  const TablePointer table = open_table(scenario);
+  const Integration integration = scenario.simulation.integration;
+  const PlantParameters parameters = scenario.simulation.parameters;
+  PlantMaker make = [table, plant, sample_time_s, integration, parameters] {
+    return std::make_unique<EquationPlant>(*table, plant, sample_time_s, integration, parameters);
+  };
+  try {
+    static_cast<void>(make());
+  } catch (const std::invalid_argument& error) {
+    const bool has_table = !scenario.simulation.is_library_override;
+    throw scenario_error(scenario, has_table ? "simulation" : "", has_table ? "" : "plant",
+                         fmt::format("simulation.{}", error.what()));
+  }
+  return make;
+}
+
+}  // namespace
+
+PlantMaker plant_maker(const Scenario& scenario, const PlantModel& plant,
+                       const NamedText& plant_file, double sample_time_s) {
+  const SimulationSpec& simulation = scenario.simulation;
+  if (!simulation.library.empty() && !simulation.is_library_at_hand) return {};
+  if (!simulation.library.empty() || !simulation.model.empty()) {
+    return equation_plant_maker(scenario, plant, sample_time_s);
+  }
+  check_plant_can_run(scenario, plant, plant_file, sample_time_s);
+  const Integration integration = scenario.simulation.integration;
+  return [plant, sample_time_s, integration] {
+    return std::make_unique<ModelPlant>(plant, sample_time_s, integration);
+  };
+}
+
+Eigen::VectorXd initial_state(const Scenario& scenario, const PlantModel& plant) {
+  if (!scenario.initial_state) return named_initial_state(scenario, plant);
+  if (scenario.initial_state->size() != plant.n()) {
+    throw scenario_error(scenario, "", "initial_state",
+                         fmt::format("initial_state: found {} numbers, expected {}, one per state",
+                                     scenario.initial_state->size(), plant.n()));
+  }
+  return *scenario.initial_state;
+}
+
+}  // namespace faultline
