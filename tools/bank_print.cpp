@@ -73,7 +73,7 @@ double leakage(const Bank& bank, const ResidualFilter& filter) {
     }
   }
   for (std::size_t i = 0; i < bank.disturbances.size(); ++i) {
-    if (bank.disturbances[i].treatment != BankDisturbance::Treatment::kNone) {
+    if (bank.disturbances[i].is_ignored()) {
       largest = std::max(largest, filter.certificate.disturbance_gain[i]);
     }
   }

@@ -38,7 +38,7 @@ Ignored ignored_by(const Bank& bank, const ResidualFilter& filter,
     ignored.leakage = std::max(ignored.leakage, certificate.fault_gain[j]);
   }
   for (std::size_t i = 0; i < bank.disturbances.size(); ++i) {
-    if (bank.disturbances[i].treatment == BankDisturbance::Treatment::kNone) continue;
+    if (!bank.disturbances[i].is_ignored()) continue;
     ignored.names.push_back(bank.disturbances[i].name);
     ignored.leakage = std::max(ignored.leakage, certificate.disturbance_gain[i]);
   }

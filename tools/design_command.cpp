@@ -17,6 +17,7 @@
 #include "diagnosis/bank/bank_file.h"
 #include "diagnosis/design/bank_request.h"
 #include "diagnosis/design/design_bank.h"
+#include "tools/assignment_print.h"
 #include "tools/bank_print.h"
 #include "tools/bench/bench_inputs.h"
 #include "tools/bench/certified_design.h"
@@ -71,11 +72,11 @@ void print_indistinguishable(std::FILE* out, const DesignResult& result) {
 
 void print_warnings(std::FILE* out, const PlantModel& plant, const DesignResult& result) {
   const Bank& bank = result.bank;
-  if (bank.method == "geometric" && !plant.nonlinearities.empty()) {
-    fmt::print(
-        out,
-        "  WARNING  the geometric method takes the plant for linear: what its nonlinearities "
-        "add reaches the residuals like a disturbance; method \"uio\" reckons with them\n");
+  if (bank.method != "uio" && !plant.nonlinearities.empty()) {
+    fmt::print(out,
+               "  WARNING  method \"{}\" takes the plant for linear: what its nonlinearities add "
+               "reaches the residuals like a disturbance; method \"uio\" reckons with them\n",
+               bank.method);
   }
   for (const ResidualReport& report : result.residuals) {
     if (report.stability.tolerance_min > 1e-12 || report.stability.tolerance_max < 1e-6) {
@@ -153,6 +154,7 @@ int design(const DesignArguments& arguments) {
   std::FILE* out = human_output(arguments.json);
   nlohmann::ordered_json json = design_json(result);
   print_verdict(out, plant, result);
+  print_assignments(out, result);
   print_observers(out, result);
   if (!result.bank.filters.empty()) print_bank(out, result.bank);
   print_failures(out, result);

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tools/assignment_print.h"
 #include "tools/bank_print.h"
 #include "tools/observer_print.h"
 
@@ -173,6 +174,7 @@ Json design_json(const DesignResult& result) {
   for (const ResidualReport& report : result.residuals) {
     json["residuals"].push_back(residual_json(result, report));
   }
+  if (!result.assignments.empty()) json["assignments"] = assignments_json(result);
   if (!result.observers.empty()) {
     json["observers"] = observers_json(result);
     json["observer_filters"] = observer_filters_json(result.bank);

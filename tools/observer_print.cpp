@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/bank_print.h"
+#include "tools/wrapped_text.h"
 
 namespace faultline {
 namespace {
@@ -38,26 +39,6 @@ std::string status_text(SynthesisStatus status) {
 // What `guaranteed` says of the observer's kind.
 const char* guarantee_heading(const ObserverReport& report) {
   return report.name == "estimation" ? "bound" : "sure from";
-}
-
-// Breaks a text between words, as wide as a terminal, behind an indent.
-void print_wrapped(std::FILE* out, const std::string& text) {
-  constexpr std::size_t kWidth = 92;
-  const std::string indent(8, ' ');
-  std::string line;
-  const auto flush = [&] {
-    fmt::print(out, "{}{}\n", indent, line);
-    line.clear();
-  };
-  std::size_t begin = 0;
-  while (begin < text.size()) {
-    const std::size_t end = std::min(text.find(' ', begin), text.size());
-    const std::string word = text.substr(begin, end - begin);
-    if (!line.empty() && line.size() + 1 + word.size() > kWidth) flush();
-    line += line.empty() ? word : " " + word;
-    begin = end + 1;
-  }
-  if (!line.empty()) flush();
 }
 
 void print_trial(std::FILE* out, const ObserverTrial& trial) {

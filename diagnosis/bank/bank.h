@@ -201,7 +201,12 @@ struct BankDisturbance {
     kNone,       ///< it reaches the residuals
     kDecoupled,  ///< no residual sees it, whatever its course
     kConstant,   ///< no residual sees it while it is constant
+    kWeakened,   ///< it reaches residuals, as little as can be against the faults they are to see
   };
+  /// No residual sees it, whatever its course or while it is constant.
+  [[nodiscard]] bool is_ignored() const {
+    return treatment == Treatment::kDecoupled || treatment == Treatment::kConstant;
+  }
   std::string name;
   Treatment treatment = Treatment::kNone;
 };
@@ -254,7 +259,7 @@ inline constexpr std::size_t kMaxDecisionWords = std::size_t{1} << 24;
 /// lists here.
 struct Bank {
   std::string name;
-  std::string method;  ///< "geometric", "uio"
+  std::string method;  ///< "geometric", "eigenstructure", "uio"
   std::string plant_name;
   std::string plant_digest;    ///< plant_digest() of the plant it was designed for
   std::string request_digest;  ///< of the bank.toml it was designed from

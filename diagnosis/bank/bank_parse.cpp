@@ -116,8 +116,8 @@ ResidualFilter read_filter(const JsonCursor& object, const Bank& bank) {
 
 std::vector<BankDisturbance> read_disturbances(const JsonCursor& list) {
   using Treatment = BankDisturbance::Treatment;
-  constexpr std::array kTreatments = {Treatment::kNone, Treatment::kDecoupled,
-                                      Treatment::kConstant};
+  constexpr std::array kTreatments = {Treatment::kNone, Treatment::kDecoupled, Treatment::kConstant,
+                                      Treatment::kWeakened};
   std::vector<BankDisturbance> disturbances;
   std::unordered_set<std::string> names;
   for (const JsonCursor& element : list.elements()) {
@@ -126,7 +126,7 @@ std::vector<BankDisturbance> read_disturbances(const JsonCursor& list) {
       throw at[0].expected("a name that was not there before");
     }
     disturbances.push_back(
-        {at[0].string(), kTreatments[at[1].choice({"none", "decoupled", "constant"})]});
+        {at[0].string(), kTreatments[at[1].choice({"none", "decoupled", "constant", "weakened"})]});
   }
   return disturbances;
 }

@@ -32,7 +32,8 @@ std::string disturbances_text(const std::vector<BankDisturbance>& disturbances) 
                                 json_string(disturbance.name),
                                 disturbance.treatment == Treatment::kNone        ? "none"
                                 : disturbance.treatment == Treatment::kDecoupled ? "decoupled"
-                                                                                 : "constant"));
+                                : disturbance.treatment == Treatment::kConstant  ? "constant"
+                                                                                 : "weakened"));
   }
   return fmt::format("[{}]", fmt::join(items, ", "));
 }

@@ -31,7 +31,7 @@ struct CheckResult {
 /// Recomputes every claim of `bank` from the plant and the filters alone. Findings are:
 ///
 /// - another plant: digest, names, fault sizes, operating point, disturbances;
-/// - a filter that is not stable, or not named after the faults it ignores (method "geometric");
+/// - a filter that is not stable, or not named after the faults it ignores (all methods but "uio");
 /// - faults, inputs, or disturbances that a residual claims to ignore but sees with more than 10 %
 ///   of the smallest gain that it must see: per fault size; inputs per size of the fault on them,
 ///   disturbances per bound, either per unit if it has none;

@@ -55,7 +55,7 @@ class FilterCheck {
   [[nodiscard]] const std::string& fault(std::size_t j) const { return plant_.faults[j].name; }
 
   void check_name() {
-    if (bank_.method != "geometric") {
+    if (bank_.method == "uio") {
       return;
     }
     std::vector<std::size_t> numbers;
@@ -92,7 +92,7 @@ class FilterCheck {
                  unit * proof.input_noise[i], limit);
     }
     for (std::size_t i = 0; i < found.disturbance_gain.size(); ++i) {
-      if (bank_.disturbances[i].treatment != BankDisturbance::Treatment::kNone) {
+      if (bank_.disturbances[i].is_ignored()) {
         const double unit = plant_.disturbances[i].bound.value_or(1.0);
         check_leak("disturbance " + plant_.disturbances[i].name, unit * found.disturbance_gain[i],
                    unit * proof.disturbance_noise[i], limit);

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "diagnosis/design/eigenstructure/read_eigenstructure.h"
 #include "diagnosis/design/uio/read_uio.h"
 #include "diagnosis/model/toml_reader.h"
 
@@ -20,9 +21,10 @@ void read_structure(TomlTable& root, BankRequest& request) {
     request.ignored_sets = root.string_lists("structure");
     return;
   }
-  request.structure = root.choice("structure", {"all", "smallest"}) == "smallest"
-                          ? StructureChoice::kSmallest
-                          : StructureChoice::kAll;
+  const std::string word = root.choice("structure", {"all", "dedicated", "smallest"});
+  request.structure = word == "all"         ? StructureChoice::kAll
+                      : word == "dedicated" ? StructureChoice::kDedicated
+                                            : StructureChoice::kSmallest;
 }
 
 double read_positive(TomlTable& table, std::string_view key) {
@@ -110,7 +112,7 @@ BankRequest read_request(TomlTable root) {
   request.text = root.text();
   request.name = root.string("name");
   request.plant = std::filesystem::path(request.source).parent_path() / root.string("plant");
-  request.method = root.choice("method", {"geometric", "uio"});
+  request.method = root.choice("method", {"geometric", "eigenstructure", "uio"});
   request.concurrent = read_count(root, "concurrent", 1);
   read_domain(root, request);
   request.sample_time_s = read_positive(root, "sample_time_s");
@@ -125,6 +127,11 @@ BankRequest read_request(TomlTable root) {
         root.optional_strings("decouple_constant").value_or(std::vector<std::string>());
     read_structure(root, request);
     request.normalise = root.optional_boolean("normalise").value_or(true);
+    if (request.method == "eigenstructure") {
+      if (std::optional<TomlTable> options = root.optional_table("eigenstructure")) {
+        read_eigenstructure(*options, request.eigenstructure);
+      }
+    }
   }
   read_decision(root.table("decision"), request);
   root.finish();

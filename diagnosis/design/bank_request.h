@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "diagnosis/bank/bank.h"
+#include "diagnosis/design/eigenstructure/eigenstructure_request.h"
 #include "diagnosis/design/uio/uio_request.h"
 #include "diagnosis/model/input_error.h"
 
@@ -16,9 +17,10 @@ namespace faultline {
 
 /// Which residuals a bank has.
 enum class StructureChoice {
-  kAll,       ///< one per set of p faults, which it ignores
-  kSmallest,  ///< as few as still isolate; some may ignore more than p faults
-  kGiven,     ///< one per set of `ignored_sets`
+  kAll,        ///< one per set of p faults, which it ignores (p = 1: the generalised scheme)
+  kDedicated,  ///< one per fault, the only one that it sees
+  kSmallest,   ///< as few as still isolate; some may ignore more than p faults
+  kGiven,      ///< one per set of `ignored_sets`
 };
 
 /// What bank.toml asks for.
@@ -43,6 +45,7 @@ struct BankRequest {
   bool normalise = true;
   double threshold = 0.0;  ///< τ, in fault sizes when normalised; uio: from the plant's bounds
   UioRequest uio;          ///< method "uio" only
+  EigenstructureRequest eigenstructure;  ///< method "eigenstructure" only
   DecisionRule decision;
   /// DecisionRule::window; absent: five time constants of the slowest filter.
   std::optional<std::uint32_t> window;

@@ -152,10 +152,12 @@ void check_plant(const PlantModel& plant, const BankRequest& request) {
 }  // namespace
 
 void check_request(const PlantModel& plant, const BankRequest& request) {
-  if (request.method != "geometric" && request.method != "uio") {
+  if (request.method != "geometric" && request.method != "eigenstructure" &&
+      request.method != "uio") {
     throw request_error(
         request, "method",
-        fmt::format("found \"{}\", expected \"geometric\" or \"uio\"", request.method));
+        fmt::format("found \"{}\", expected \"geometric\", \"eigenstructure\" or \"uio\"",
+                    request.method));
   }
   check_plant(plant, request);
   check_concurrent(plant, request);

@@ -3,14 +3,18 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <string>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "diagnosis/design/check_request.h"
+#include "diagnosis/design/eigenstructure/eigenstructure_residual.h"
 #include "diagnosis/design/empty_bank.h"
 #include "diagnosis/design/explain_failure.h"
 #include "diagnosis/design/implementation_form.h"
+#include "diagnosis/design/requested_poles.h"
 #include "diagnosis/design/residual_response.h"
 #include "diagnosis/design/structure.h"
 #include "diagnosis/design/uio/design_uio.h"
@@ -20,51 +24,9 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-using Poles = std::vector<std::complex<double>>;
 
 // Entries of G below this part of B's column are rounding errors of exact zeros.
 constexpr double kRoundingError = 1e-13;
-// ---------------------------------------------------------------------------------- poles
-
-Poles poles_of(const BankRequest& request, const std::string& name, Index d) {
-  const auto count = static_cast<std::size_t>(d);
-  if (request.poles.size() == 1) {
-    return Poles(count, request.poles.front());
-  }
-  if (request.poles.size() < count) {
-    throw request_error(request, "poles",
-                        fmt::format("found {} poles, expected {}: residual {} has order {}",
-                                    request.poles.size(), count, name, count));
-  }
-  const Poles poles(request.poles.begin(), request.poles.begin() + d);
-  const auto complex_count = std::count_if(poles.begin(), poles.end(),
-                                           [](const auto& pole) { return pole.imag() != 0.0; });
-  if (complex_count % 2 != 0) {  // pairs stand together: only the last one can be split
-    throw request_error(request, "poles",
-                        fmt::format("residual {} has order {}, and the first {} poles split the "
-                                    "complex pair {}{:+}i, expected a real pole there",
-                                    name, count, count, poles.back().real(), poles.back().imag()));
-  }
-  return poles;
-}
-
-PolePlacement place(const BankRequest& request, const std::string& name,
-                    const GeometricQuotient& quotient) {
-  const Index d = quotient.A_0.rows();
-  if (request.decay_rate_per_s) {
-    const bool is_discrete = is_sampled(request.domain);
-    const double rate = *request.decay_rate_per_s;
-    return place_decay(quotient.A_0, quotient.M,
-                       is_discrete ? std::exp(-rate * request.sample_time_s) : rate, is_discrete);
-  }
-  PolePlacement placement = place_poles(quotient.A_0, quotient.M, poles_of(request, name, d));
-  if (!placement.is_possible) {
-    throw request_error(request, "poles",
-                        fmt::format("residual {} has order {}; {}", name, d, placement.reason));
-  }
-  return placement;
-}
-
 // ---------------------------------------------------------------------------------- one residual
 
 // How a residual, in the domain of the design, sees the faults.
@@ -184,22 +146,42 @@ class BankDesign {
  private:
   void add_residual(const FaultSet& ignores) {
     const Directions ignored = ignored_directions(model_, ignores);
-    const GeometricQuotient quotient =
-        geometric_quotient(model_.A, model_.C, ignored, model_.faults);
+    GeometricQuotient quotient = geometric_quotient(model_.A, model_.C, ignored, model_.faults);
+    const DimensionStability stability =
+        dimension_stability(model_.A, model_.C, ignored, model_.faults, quotient);
+    std::optional<GeometricFilter> filter;
+    std::string reason;
+    if (request_.method == "eigenstructure") {
+      EigenstructureResidual assigned = eigenstructure_residual(
+          plant_, model_, request_, residual_name(ignores, plant_.faults.size()), ignores);
+      quotient = std::move(assigned.quotient);
+      filter = std::move(assigned.filter);
+      reason = std::move(assigned.reason);
+      result_.assignments.push_back(std::move(assigned.report));
+    }
     ResidualReport report = report_of(ignores, quotient);
-    report.stability = dimension_stability(model_.A, model_.C, ignored, model_.faults, quotient);
+    report.stability = stability;
+    report.reason = std::move(reason);
     if (report.rows == 0) {
-      report.reason = explainer_.no_residual(ignores);
-    } else {
+      report.reason = explainer_.no_residual(ignores) + nearest_thing();
+    } else if (report.reason.empty()) {
       report.margin = quotient.visible_margin;
       if (is_any_seen(ignores, quotient)) {
-        add_filter(quotient, report);
+        add_filter(quotient, filter, report);
       } else {
         report.reason = "it would see no fault";
       }
     }
     result_.residuals.push_back(std::move(report));
-    quotients_.push_back(quotient);
+    quotients_.push_back(std::move(quotient));
+  }
+
+  // What can be done where nothing can be decoupled.
+  [[nodiscard]] std::string nearest_thing() const {
+    return request_.method == "eigenstructure" && model_.decoupled.state.cols() > 0
+               ? "; what cannot be kept out can be kept small: [eigenstructure] weaken instead of "
+                 "decouple"
+               : "";
   }
 
   [[nodiscard]] ResidualReport report_of(const FaultSet& ignores,
@@ -227,13 +209,19 @@ class BankDesign {
     return false;
   }
 
-  void add_filter(const GeometricQuotient& quotient, ResidualReport& report) {
-    const PolePlacement placement = place(request_, report.name, quotient);
-    if (!placement.is_possible) {
-      report.reason = placement.reason;
-      return;
+  void add_filter(const GeometricQuotient& quotient, const std::optional<GeometricFilter>& given,
+                  ResidualReport& report) {
+    GeometricFilter geometric;
+    if (given) {
+      geometric = *given;
+    } else {
+      const PolePlacement placement = requested_placement(request_, report.name, quotient);
+      if (!placement.is_possible) {
+        report.reason = placement.reason;
+        return;
+      }
+      geometric = complete_filter(quotient, placement);
     }
-    const GeometricFilter geometric = complete_filter(quotient, placement);
     const Sensitivities found =
         find_sensitivities(plant_, model_, report.ignores, quotient, geometric);
     const double factor = request_.normalise ? normalising_factor(found) : 1.0;

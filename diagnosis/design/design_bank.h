@@ -8,6 +8,7 @@
 #include "diagnosis/bank/bank.h"
 #include "diagnosis/design/bank_request.h"
 #include "diagnosis/design/design_model.h"
+#include "diagnosis/design/eigenstructure/eigenstructure_report.h"
 #include "diagnosis/design/geometric.h"
 #include "diagnosis/design/uio/observer_report.h"
 #include "diagnosis/model/plant_model.h"
@@ -51,6 +52,8 @@ struct DesignResult {
   Bank bank;  ///< of the residuals that exist; certificates are not filled in (diagnosis/certify)
   std::vector<ResidualReport> residuals;
   std::vector<DesignFailure> failing;
+  /// Method "eigenstructure": per residual asked for, how the unknown inputs are kept out or small.
+  std::vector<EigenstructureReport> assignments;
   std::vector<ObserverReport> observers;  ///< method "uio": what was tried, and what was taken
   bool are_signatures_distinct =
       false;  ///< generic signatures of all sets of up to p faults differ

@@ -47,9 +47,12 @@ Directions named_disturbances(const PlantModel& plant, const BankRequest& reques
           fmt::format("found \"{}\", expected names of the plant's disturbances{}", name,
                       near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
     }
-    if (std::count(request.decouple.begin(), request.decouple.end(), name) +
-            std::count(request.decouple_constant.begin(), request.decouple_constant.end(), name) >
-        1) {
+    std::ptrdiff_t times = 0;
+    for (const auto* list :
+         {&request.decouple, &request.decouple_constant, &request.eigenstructure.weaken}) {
+      times += std::count(list->begin(), list->end(), name);
+    }
+    if (times > 1) {
       throw request_error(request, key, fmt::format("found \"{}\" twice, expected it once", name));
     }
     const Disturbance& disturbance =
@@ -60,20 +63,36 @@ Directions named_disturbances(const PlantModel& plant, const BankRequest& reques
   return directions;
 }
 
+Directions weakened_disturbances(const PlantModel& plant, const BankRequest& request) {
+  const std::vector<std::string>& names = request.eigenstructure.weaken;
+  Directions directions = named_disturbances(plant, request, "eigenstructure", names);
+  for (Index i = 0; i < directions.state.cols(); ++i) {
+    for (const Disturbance& disturbance : plant.disturbances) {
+      if (disturbance.name == names[static_cast<std::size_t>(i)]) {
+        directions.state.col(i) *= disturbance.bound.value_or(1.0);
+        directions.output.col(i) *= disturbance.bound.value_or(1.0);
+      }
+    }
+  }
+  return directions;
+}
+
 // All inputs of the sampled plant are held over a sample, faults and disturbances too.
 void sample(DesignModel& model, const BankRequest& request) {
   const Index m = model.B.cols();
   const Index k = model.faults.state.cols();
   const Index l = model.decoupled.state.cols();
-  MatrixXd inputs(model.A.rows(), m + k + l);
-  inputs << model.B, model.faults.state, model.decoupled.state;
+  const Index w = model.weakened.state.cols();
+  MatrixXd inputs(model.A.rows(), m + k + l + w);
+  inputs << model.B, model.faults.state, model.decoupled.state, model.weakened.state;
   const SampledSystem sampled = request.domain == DesignDomain::kEuler
                                     ? discretize_euler(model.A, inputs, request.sample_time_s)
                                     : discretize_zoh(model.A, inputs, request.sample_time_s);
   model.A = sampled.A;
   model.B = sampled.B.leftCols(m);
   model.faults.state = sampled.B.middleCols(m, k);
-  model.decoupled.state = sampled.B.rightCols(l);
+  model.decoupled.state = sampled.B.middleCols(m + k, l);
+  model.weakened.state = sampled.B.rightCols(w);
 }
 
 // Constant disturbances become states.
@@ -87,7 +106,8 @@ void append_constants(DesignModel& model, const Directions& constants) {
   C << model.C, constants.output;
   model.A = A;
   model.C = C;
-  for (MatrixXd* columns : {&model.B, &model.faults.state, &model.decoupled.state}) {
+  for (MatrixXd* columns :
+       {&model.B, &model.faults.state, &model.decoupled.state, &model.weakened.state}) {
     *columns = with_rows(*columns, total);
   }
 }
@@ -101,6 +121,7 @@ DesignModel design_model(const PlantModel& plant, const BankRequest& request) {
                     plant.D,
                     fault_directions(plant),
                     named_disturbances(plant, request, "decouple", request.decouple),
+                    weakened_disturbances(plant, request),
                     is_sampled(request.domain)};
   append_constants(
       model, named_disturbances(plant, request, "decouple_constant", request.decouple_constant));
@@ -136,9 +157,10 @@ std::vector<BankDisturbance> disturbance_treatments(const PlantModel& plant,
   std::vector<BankDisturbance> treatments;
   for (const Disturbance& disturbance : plant.disturbances) {
     const std::string& name = disturbance.name;
-    treatments.push_back({name, names(request.decouple, name)            ? Treatment::kDecoupled
-                                : names(request.decouple_constant, name) ? Treatment::kConstant
-                                                                         : Treatment::kNone});
+    treatments.push_back({name, names(request.decouple, name)                ? Treatment::kDecoupled
+                                : names(request.decouple_constant, name)     ? Treatment::kConstant
+                                : names(request.eigenstructure.weaken, name) ? Treatment::kWeakened
+                                                                             : Treatment::kNone});
   }
   return treatments;
 }

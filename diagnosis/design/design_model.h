@@ -21,6 +21,7 @@ struct DesignModel {
   Eigen::MatrixXd A, B, C, D;
   Directions faults;     ///< one per fault of the plant
   Directions decoupled;  ///< disturbances that no residual may see
+  Directions weakened;   ///< those to be kept small, per bound (per unit if there is none)
   bool is_sampled = false;
 };
 

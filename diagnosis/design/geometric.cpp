@@ -8,6 +8,7 @@
 #include <Eigen/QR>
 
 #include "diagnosis/design/balance.h"
+#include "diagnosis/design/joined_matrices.h"
 #include "diagnosis/design/pole_placement.h"
 
 namespace faultline {
@@ -20,32 +21,6 @@ using Eigen::VectorXd;
 // Entries below this fraction of the largest are rounding errors of exact zeros. With them in H and
 // E a residual would seem to use channels that it does not use.
 constexpr double kRoundingError = 1e-13;
-
-// ‖X‖_F, or 1 for a zero X: what X is measured by.
-double scale_of(const MatrixXd& X) {
-  const double norm = X.norm();
-  return norm > 0.0 ? norm : 1.0;
-}
-
-MatrixXd side_by_side(const MatrixXd& X, const MatrixXd& Y) {
-  MatrixXd both(X.rows(), X.cols() + Y.cols());
-  both << X, Y;
-  return both;
-}
-
-MatrixXd stacked(const MatrixXd& X, const MatrixXd& Y) {
-  MatrixXd both(X.rows() + Y.rows(), X.cols());
-  both << X, Y;
-  return both;
-}
-
-MatrixXd unit_columns(const MatrixXd& X) {
-  MatrixXd unit = X;
-  for (Index j = 0; j < X.cols(); ++j) {
-    unit.col(j) /= scale_of(X.col(j));
-  }
-  return unit;
-}
 
 // `size` of the terms that X is the difference of.
 MatrixXd without_rounding_errors(const MatrixXd& X, double size) {
@@ -82,8 +57,8 @@ ExtendedPlant extend(const MatrixXd& A, const MatrixXd& C, const Directions& ign
       continue;
     }
     // The unit of m_j is free: its columns get the size of A and C.
-    const double unit = std::max(ignored.state.col(j).norm() / scale_of(A),
-                                 ignored.output.col(j).norm() / scale_of(C));
+    const double unit = std::max(ignored.state.col(j).norm() / data_scale(A),
+                                 ignored.output.col(j).norm() / data_scale(C));
     plant.A.col(next).head(n) = ignored.state.col(j) / unit;
     plant.C.col(next) = ignored.output.col(j) / unit;
     plant.L(next, j) = 1.0;
@@ -107,26 +82,12 @@ MatrixXd own_projector(const MatrixXd& space, Index dimension, const VectorXd& s
   return Q * Q.transpose();
 }
 
-// ‖[P L_j + E_0 D_j; H D_j]‖ / ‖[L_j; D_j]‖ per direction.
-std::vector<double> margins(const MatrixXd& P, const MatrixXd& E_0, const MatrixXd& H,
-                            const Directions& directions) {
-  const auto& [state, output] = directions;
-  std::vector<double> margins;
-  for (Index j = 0; j < state.cols(); ++j) {
-    const double size = std::hypot(state.col(j).norm(), output.col(j).norm());
-    const VectorXd seen = P * state.col(j) + E_0 * output.col(j);
-    const double distance = std::hypot(seen.norm(), (H * output.col(j)).norm());
-    margins.push_back(size > 0.0 ? distance / size : 0.0);
-  }
-  return margins;
-}
-
 // Rows of H: orthonormal basis of (C S)^⊥ within Im [C, D of all directions]: a sensor that only a
 // disturbance reaches tells of it.
 MatrixXd residual_outputs(const MatrixXd& C, const MatrixXd& direction_outputs, const MatrixXd& CS,
                           double scale, SubspaceArithmetic& arithmetic) {
   const MatrixXd reached =
-      arithmetic.image(side_by_side(C / scale_of(C), unit_columns(direction_outputs)), 1.0);
+      arithmetic.image(side_by_side(C / data_scale(C), unit_columns(direction_outputs)), 1.0);
   const MatrixXd blind = arithmetic.image(CS, scale);
   const MatrixXd basis = reached * arithmetic.kernel(blind.transpose() * reached, 1.0);
   return without_rounding_errors(canonical_rows(basis * basis.transpose(), basis.cols()));
@@ -142,8 +103,8 @@ UnobservabilitySubspaces unobservability_subspaces(const MatrixXd& A, const Matr
   const Index n = A.rows();
   const double mean = n == 0 ? 0.0 : A.trace() / static_cast<double>(n);
   const MatrixXd A_shifted = without_rounding_errors(A - mean * MatrixXd::Identity(n, n), A.norm());
-  const MatrixXd A_unit = A_shifted / scale_of(A_shifted);
-  const MatrixXd C_unit = C / scale_of(C);
+  const MatrixXd A_unit = A_shifted / data_scale(A_shifted);
+  const MatrixXd C_unit = C / data_scale(C);
   const MatrixXd L_basis = arithmetic.image(unit_columns(L), 1.0);
 
   // In exact arithmetic W grows and S shrinks until they stop. On data whose ranks flip with
@@ -169,6 +130,19 @@ UnobservabilitySubspaces unobservability_subspaces(const MatrixXd& A, const Matr
     result.S = std::move(next);
   }
   return result;
+}
+
+std::vector<double> visible_margins(const MatrixXd& P, const MatrixXd& E_0, const MatrixXd& H,
+                                    const Directions& directions) {
+  const auto& [state, output] = directions;
+  std::vector<double> margins;
+  for (Index j = 0; j < state.cols(); ++j) {
+    const double size = std::hypot(state.col(j).norm(), output.col(j).norm());
+    const VectorXd seen = P * state.col(j) + E_0 * output.col(j);
+    const double distance = std::hypot(seen.norm(), (H * output.col(j)).norm());
+    margins.push_back(size > 0.0 ? distance / size : 0.0);
+  }
+  return margins;
 }
 
 GeometricQuotient geometric_quotient(const MatrixXd& A, const MatrixXd& C,
@@ -200,7 +174,7 @@ GeometricQuotient geometric_quotient(const MatrixXd& A, const MatrixXd& C,
   quotient.P = P_b * units.state.cwiseInverse().asDiagonal();
 
   const MatrixXd CS = plant.C * spaces.S;
-  const double scale = scale_of(plant.C);
+  const double scale = data_scale(plant.C);
   const MatrixXd H_b = residual_outputs(C_b, side_by_side(ignored_b.output, visible_b.output), CS,
                                         scale, arithmetic);
   quotient.H = H_b * units.output.cwiseInverse().asDiagonal();
@@ -210,7 +184,7 @@ GeometricQuotient geometric_quotient(const MatrixXd& A, const MatrixXd& C,
   quotient.E_0 = E_b * units.output.cwiseInverse().asDiagonal();
   quotient.A_0 = (P_b * A_b + E_b * C_b) * P_b.transpose();
   quotient.margin = arithmetic.margin();
-  quotient.visible_margin = margins(P_b, E_b, H_b, visible_b);
+  quotient.visible_margin = visible_margins(P_b, E_b, H_b, visible_b);
   return quotient;
 }
 

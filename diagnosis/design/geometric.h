@@ -69,6 +69,12 @@ struct GeometricQuotient {
                                                    const Directions& visible,
                                                    double tolerance = kRankTolerance);
 
+/// GeometricQuotient::visible_margin of `directions`, everything in balanced units.
+[[nodiscard]] std::vector<double> visible_margins(const Eigen::MatrixXd& P,
+                                                  const Eigen::MatrixXd& E_0,
+                                                  const Eigen::MatrixXd& H,
+                                                  const Directions& directions);
+
 /// The tolerances around kRankTolerance, of 1e-12 .. 1e-6 by decades, for which dim W*, dim S* and
 /// the rows of H are those of `quotient`.
 struct DimensionStability {

@@ -180,20 +180,6 @@ MatrixXcd best_eigenvectors(const std::vector<MatrixXcd>& spaces, const Poles& p
   return best;
 }
 
-// Real block-diagonal matrix with the given spectrum.
-MatrixXd block_diagonal(const Poles& poles) {
-  const auto d = static_cast<Index>(poles.size());
-  MatrixXd blocks = MatrixXd::Zero(d, d);
-  for (Index i = 0; i < d; i += width(poles, i)) {
-    const std::complex<double> pole = poles[static_cast<std::size_t>(i)];
-    blocks(i, i) = pole.real();
-    if (width(poles, i) == 2) {
-      blocks.block<2, 2>(i, i) << pole.real(), pole.imag(), -pole.imag(), pole.real();
-    }
-  }
-  return blocks;
-}
-
 std::string refuse_multiplicity(const Poles& poles, Index rank) {
   for (const std::complex<double>& pole : poles) {
     const auto times = std::count(poles.begin(), poles.end(), pole);
@@ -209,6 +195,19 @@ std::string refuse_multiplicity(const Poles& poles, Index rank) {
 }
 
 }  // namespace
+
+MatrixXd real_block_diagonal(const Poles& poles) {
+  const auto d = static_cast<Index>(poles.size());
+  MatrixXd blocks = MatrixXd::Zero(d, d);
+  for (Index i = 0; i < d; i += width(poles, i)) {
+    const std::complex<double> pole = poles[static_cast<std::size_t>(i)];
+    blocks(i, i) = pole.real();
+    if (width(poles, i) == 2) {
+      blocks.block<2, 2>(i, i) << pole.real(), pole.imag(), -pole.imag(), pole.real();
+    }
+  }
+  return blocks;
+}
 
 PolePlacement place_poles(const MatrixXd& A_0, const MatrixXd& M, const Poles& poles) {
   const Index d = A_0.rows();
@@ -228,7 +227,7 @@ PolePlacement place_poles(const MatrixXd& A_0, const MatrixXd& M, const Poles& p
   MatrixXd F;
   if (U_0.cols() == d) {
     // Every F can be had: the normal one is the best conditioned.
-    F = block_diagonal(poles);
+    F = real_block_diagonal(poles);
     result.condition = static_cast<double>(d);
   } else {
     const std::vector<MatrixXcd> spaces = attainable_eigenvectors(A_0, complement(U_0), poles);

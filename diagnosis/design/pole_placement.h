@@ -16,6 +16,10 @@ struct PolePlacement {
   double condition = 0.0;  ///< of F's eigenvectors (Frobenius): how sensitive the spectrum is
 };
 
+/// The real block-diagonal matrix with the spectrum `poles` (conjugates side by side): blocks λ and
+/// [σ ω; -ω σ].
+[[nodiscard]] Eigen::MatrixXd real_block_diagonal(const std::vector<std::complex<double>>& poles);
+
 /// Places the poles of F = A_0 + D_1 M with F diagonalisable (over the complex numbers) and its
 /// eigenvectors as well conditioned as a few sweeps can make them: Kautsky, Nichols, Van Dooren,
 /// Int. J. Control 41 (1985) 1129-1155, method 0, on (A_0ᵀ, Mᵀ); complex pairs are swept as complex

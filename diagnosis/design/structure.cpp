@@ -259,6 +259,9 @@ std::vector<FaultSet> requested_sets(const PlantModel& plant, const BankRequest&
   if (request.structure == StructureChoice::kAll) {
     return combinations(fault_count, request.concurrent);
   }
+  if (request.structure == StructureChoice::kDedicated) {
+    return combinations(fault_count, fault_count - 1);
+  }
   if (request.structure == StructureChoice::kSmallest) {
     return candidate_sets(fault_count, request.concurrent, static_cast<std::size_t>(plant.q()));
   }

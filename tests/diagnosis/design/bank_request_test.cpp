@@ -72,7 +72,8 @@ TEST(BankRequest, HasDefaultsForWhatIsUsual) {
 
 TEST(BankRequest, RefusesWhatThisVersionCannotDoAndSaysWhatItCan) {
   EXPECT_EQ(refusal(with("\"geometric\"", "\"parity\"")),
-            "bank.toml:4:10: method: found \"parity\", expected one of \"geometric\", \"uio\"");
+            "bank.toml:4:10: method: found \"parity\", expected one of \"geometric\", "
+            "\"eigenstructure\", \"uio\"");
   EXPECT_EQ(refusal(with("threshold = 0.05", "threshold = \"certified\"")),
             "bank.toml:10:13: decision.threshold: found \"certified\", expected a positive number");
   EXPECT_THAT(refusal(hou_request_text(true, 3) + "[uio]\n"),
