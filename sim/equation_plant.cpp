@@ -103,6 +103,7 @@ EquationPlant::EquationPlant(const faultline_plant_table& table, const PlantMode
   const std::vector<std::string> disturbances =
       names_of(table.disturbances, table.disturbance_count);
   for (std::size_t i = 0; i < file.disturbances.size(); ++i) {
+    if (!file.disturbances[i].uncertainty.empty()) continue;  // no input of the equations
     const std::string& name = file.disturbances[i].name;
     const auto place = place_of(name, disturbances);
     if (!place) {

@@ -106,6 +106,8 @@ PerturbationSchedule::PerturbationSchedule(const PlantModel& plant,
     : disturbance_count_(std::ssize(plant.disturbances)), noise_count_(std::ssize(plant.noises)) {
   std::vector<Target> targets;
   for (const Disturbance& disturbance : plant.disturbances) {
+    // What an uncertainty adds follows from the states; nobody drives it. These come last.
+    if (!disturbance.uncertainty.empty()) break;
     targets.push_back({disturbance.name, disturbance.bound, std::nullopt});
   }
   add("disturbance", targets, disturbances, plant, seed, sample_time_s);

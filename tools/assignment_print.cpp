@@ -67,6 +67,15 @@ Json zeros_json(const std::vector<std::complex<double>>& zeros) {
   return json;
 }
 
+Json rows_json(const Eigen::MatrixXd& matrix) {
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    const Eigen::VectorXd row = matrix.row(i).transpose();
+    rows.push_back(std::vector<double>(row.begin(), row.end()));
+  }
+  return rows;
+}
+
 }  // namespace
 
 void print_assignments(std::FILE* out, const DesignResult& result) {
@@ -81,6 +90,10 @@ void print_assignments(std::FILE* out, const DesignResult& result) {
                existence.rank_C, existence.rank_CE, existence.rank_CW,
                existence.rank_C - existence.rank_CE, report.static_rows);
     print_wrapped(out, report.explanation, kIndent);
+    for (Eigen::Index i = 0; i < report.W.rows(); ++i) {
+      const Eigen::VectorXd w = report.W.row(i).transpose();
+      fmt::print(out, "{:{}}w = ({:.5g})\n", "", kIndent, fmt::join(w.begin(), w.end(), ", "));
+    }
     for (const WeakeningReport& weakening : report.weakening) print_weakening(out, weakening);
   }
 }
@@ -99,7 +112,8 @@ Json assignments_json(const DesignResult& result) {
               {"static_weights", report.static_rows},
               {"left_rows", existence.left_rows},
               {"right_solvable", existence.is_right_solvable},
-              {"zeros", zeros_json(existence.zeros)}};
+              {"zeros", zeros_json(existence.zeros)},
+              {"W", rows_json(report.W)}};
     if (!report.weakening.empty()) item["weakening"] = weakening_json(report.weakening[0]);
     json.push_back(item);
   }

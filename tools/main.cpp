@@ -45,6 +45,7 @@ int run_program(int argc, char** argv) {
   add_check_command(program, exit_code);
   add_info_command(program, exit_code);
   add_linearise_command(program, exit_code);
+  add_unknown_inputs_command(program, exit_code);
   add_log_command(program, exit_code);
   add_can_command(program, exit_code);
   add_decode_command(program, exit_code);

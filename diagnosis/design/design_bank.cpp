@@ -167,6 +167,7 @@ class BankDesign {
     } else if (report.reason.empty()) {
       report.margin = quotient.visible_margin;
       if (is_any_seen(ignores, quotient)) {
+        note_weights(quotient);
         add_filter(quotient, filter, report);
       } else {
         report.reason = "it would see no fault";
@@ -174,6 +175,12 @@ class BankDesign {
     }
     result_.residuals.push_back(std::move(report));
     quotients_.push_back(std::move(quotient));
+  }
+
+  void note_weights(const GeometricQuotient& quotient) {
+    if (!result_.assignments.empty()) {
+      result_.assignments.back().W = quotient.H.rowwise().normalized();
+    }
   }
 
   // What can be done where nothing can be decoupled.
@@ -283,10 +290,17 @@ class BankDesign {
       const bool is_ignored =
           std::find(report.ignores.begin(), report.ignores.end(), j) != report.ignores.end();
       if (!is_seen && !is_ignored) {
-        result_.failing.push_back(
-            {report.ignores, j, explainer_.unseen(report.ignores, j, quotients_[r])});
+        result_.failing.push_back({report.ignores, j, why_unseen(report, j, quotients_[r])});
       }
     }
+  }
+
+  // What was demanded of an assignment may fail where the plant would allow a residual.
+  [[nodiscard]] std::string why_unseen(const ResidualReport& report, std::size_t fault,
+                                       const GeometricQuotient& quotient) const {
+    const bool is_by_demand =
+        request_.method == "eigenstructure" && !report.exists && report.rows > 0;
+    return is_by_demand ? report.reason : explainer_.unseen(report.ignores, fault, quotient);
   }
 
   [[nodiscard]] Structure structure() const {

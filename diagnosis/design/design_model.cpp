@@ -1,15 +1,10 @@
 #include "diagnosis/design/design_model.h"
 
-#include <algorithm>
-#include <optional>
-#include <string>
-#include <string_view>
+#include <cstddef>
 
-#include <fmt/format.h>
-
+#include "diagnosis/design/requested_disturbances.h"
 #include "diagnosis/design/with_rows.h"
 #include "diagnosis/model/discretize.h"
-#include "diagnosis/model/toml_reader.h"
 
 namespace faultline {
 namespace {
@@ -28,51 +23,26 @@ Directions fault_directions(const PlantModel& plant) {
   return directions;
 }
 
-// Directions of the disturbances that `key` of the request names.
-Directions named_disturbances(const PlantModel& plant, const BankRequest& request,
-                              std::string_view key, const std::vector<std::string>& asked) {
-  const auto count = std::ssize(asked);
-  Directions directions{MatrixXd(plant.n(), count), MatrixXd(plant.q(), count)};
-  std::vector<std::string> names;
-  for (const Disturbance& disturbance : plant.disturbances) {
-    names.push_back(disturbance.name);
+// Directions of the disturbances with one treatment.
+Directions treated_disturbances(const PlantModel& plant,
+                                const std::vector<BankDisturbance>& treatments,
+                                BankDisturbance::Treatment treatment) {
+  std::vector<Index> treated;
+  for (std::size_t i = 0; i < treatments.size(); ++i) {
+    if (treatments[i].treatment == treatment) {
+      treated.push_back(static_cast<Index>(i));
+    }
   }
-  for (Index j = 0; j < count; ++j) {
-    const std::string& name = asked[static_cast<std::size_t>(j)];
-    const auto found = std::find(names.begin(), names.end(), name);
-    if (found == names.end()) {
-      const std::optional<std::string> near = nearest_name(name, names);
-      throw request_error(
-          request, key,
-          fmt::format("found \"{}\", expected names of the plant's disturbances{}", name,
-                      near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
-    }
-    std::ptrdiff_t times = 0;
-    for (const auto* list :
-         {&request.decouple, &request.decouple_constant, &request.eigenstructure.weaken}) {
-      times += std::count(list->begin(), list->end(), name);
-    }
-    if (times > 1) {
-      throw request_error(request, key, fmt::format("found \"{}\" twice, expected it once", name));
-    }
-    const Disturbance& disturbance =
-        plant.disturbances[static_cast<std::size_t>(found - names.begin())];
-    directions.state.col(j) = disturbance.state;
-    directions.output.col(j) = disturbance.output;
-  }
-  return directions;
-}
-
-Directions weakened_disturbances(const PlantModel& plant, const BankRequest& request) {
-  const std::vector<std::string>& names = request.eigenstructure.weaken;
-  Directions directions = named_disturbances(plant, request, "eigenstructure", names);
-  for (Index i = 0; i < directions.state.cols(); ++i) {
-    for (const Disturbance& disturbance : plant.disturbances) {
-      if (disturbance.name == names[static_cast<std::size_t>(i)]) {
-        directions.state.col(i) *= disturbance.bound.value_or(1.0);
-        directions.output.col(i) *= disturbance.bound.value_or(1.0);
-      }
-    }
+  Directions directions{MatrixXd(plant.n(), std::ssize(treated)),
+                        MatrixXd(plant.q(), std::ssize(treated))};
+  Index column = 0;
+  for (const Index i : treated) {
+    const Disturbance& disturbance = plant.disturbances[static_cast<std::size_t>(i)];
+    // What is to be small is so against its bound.
+    const double size =
+        treatment == BankDisturbance::Treatment::kWeakened ? disturbance.bound.value_or(1.0) : 1.0;
+    directions.state.col(column) = size * disturbance.state;
+    directions.output.col(column++) = size * disturbance.output;
   }
   return directions;
 }
@@ -115,16 +85,17 @@ void append_constants(DesignModel& model, const Directions& constants) {
 }  // namespace
 
 DesignModel design_model(const PlantModel& plant, const BankRequest& request) {
+  using Treatment = BankDisturbance::Treatment;
+  const std::vector<BankDisturbance> treatments = disturbance_treatments(plant, request);
   DesignModel model{plant.A,
                     plant.B,
                     plant.C,
                     plant.D,
                     fault_directions(plant),
-                    named_disturbances(plant, request, "decouple", request.decouple),
-                    weakened_disturbances(plant, request),
+                    treated_disturbances(plant, treatments, Treatment::kDecoupled),
+                    treated_disturbances(plant, treatments, Treatment::kWeakened),
                     is_sampled(request.domain)};
-  append_constants(
-      model, named_disturbances(plant, request, "decouple_constant", request.decouple_constant));
+  append_constants(model, treated_disturbances(plant, treatments, Treatment::kConstant));
   if (plant.time == TimeDomain::kDiscrete) {
     const Index constants = model.A.rows() - plant.n();
     model.A.bottomRightCorner(constants, constants).setIdentity();
@@ -146,23 +117,6 @@ Directions ignored_directions(const DesignModel& model, const FaultSet& ignores)
   directions.state.rightCols(l) = model.decoupled.state;
   directions.output.rightCols(l) = model.decoupled.output;
   return directions;
-}
-
-std::vector<BankDisturbance> disturbance_treatments(const PlantModel& plant,
-                                                    const BankRequest& request) {
-  using Treatment = BankDisturbance::Treatment;
-  const auto names = [](const std::vector<std::string>& list, const std::string& name) {
-    return std::find(list.begin(), list.end(), name) != list.end();
-  };
-  std::vector<BankDisturbance> treatments;
-  for (const Disturbance& disturbance : plant.disturbances) {
-    const std::string& name = disturbance.name;
-    treatments.push_back({name, names(request.decouple, name)                ? Treatment::kDecoupled
-                                : names(request.decouple_constant, name)     ? Treatment::kConstant
-                                : names(request.eigenstructure.weaken, name) ? Treatment::kWeakened
-                                                                             : Treatment::kNone});
-  }
-  return treatments;
 }
 
 }  // namespace faultline

@@ -31,8 +31,4 @@ struct DesignModel {
 /// What a residual has to ignore: the faults of `ignores` and all decoupled disturbances.
 [[nodiscard]] Directions ignored_directions(const DesignModel& model, const FaultSet& ignores);
 
-/// How the request treats the plant's disturbances.
-[[nodiscard]] std::vector<BankDisturbance> disturbance_treatments(const PlantModel& plant,
-                                                                  const BankRequest& request);
-
 }  // namespace faultline

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "diagnosis/design/design_model.h"
+#include "diagnosis/design/requested_disturbances.h"
 #include "diagnosis/model/digest.h"
 
 namespace faultline {

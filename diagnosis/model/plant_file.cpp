@@ -256,6 +256,7 @@ PlantModel read_model(TomlTable root) {
   read_channel_faults(root, plant);
   read_component_faults(root, plant);
   read_disturbances(root, plant);
+  read_uncertainties(root, plant);
   read_noises(root, plant);
   plant.nonlinearities = read_nonlinearities(root, plant.n());
   read_operating_point(root, plant);

@@ -109,6 +109,19 @@ void add_nonlinearities(CanonicalText& text, const PlantModel& model) {
   }
 }
 
+// A plant without any keeps the digest that it always had.
+void add_uncertainties(CanonicalText& text, const PlantModel& model) {
+  for (const Uncertainty& uncertainty : model.uncertainties) {
+    text.word(uncertainty.name);
+    text.word(uncertainty.is_parameter ? "parameter" : "plants");
+    text.count(uncertainty.delta_A.size());
+    for (std::size_t i = 0; i < uncertainty.delta_A.size(); ++i) {
+      text.matrix(uncertainty.delta_A[i]);
+      text.matrix(uncertainty.delta_B[i]);
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> PlantModel::fault_names() const {
@@ -136,6 +149,7 @@ std::string plant_digest(const PlantModel& model) {
        {&model.x_operating, &model.u_operating, &model.y_operating}) {
     text.matrix(*vector);
   }
+  add_uncertainties(text, model);
   return text_digest(text.text());
 }
 

@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "diagnosis/model/nonlinearity.h"
+#include "diagnosis/model/uncertainty.h"
 
 namespace faultline {
 
@@ -28,6 +29,7 @@ struct Disturbance {
   Eigen::VectorXd state;        ///< n
   Eigen::VectorXd output;       ///< q
   std::optional<double> bound;  ///< |d| at most
+  std::string uncertainty;      ///< the [[uncertainty]] that it stands for; empty: none
 };
 
 /// Measurement noise v: adds its column to the output equation.
@@ -71,9 +73,10 @@ struct PlantModel {
   std::optional<Eigen::VectorXd> state_range;
   Eigen::MatrixXd A, B, C, D;
   std::vector<Fault> faults;
-  std::vector<Disturbance> disturbances;
+  std::vector<Disturbance> disturbances;  ///< the file's, then those of the uncertainties
   std::vector<Noise> noises;
   std::vector<Nonlinearity> nonlinearities;
+  std::vector<Uncertainty> uncertainties;
   Eigen::VectorXd x_operating, u_operating, y_operating;
 
   [[nodiscard]] Eigen::Index n() const { return A.rows(); }

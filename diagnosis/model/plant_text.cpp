@@ -86,6 +86,7 @@ std::string faults(const PlantModel& model) {
 std::string perturbations(const PlantModel& model) {
   std::string text;
   for (const Disturbance& disturbance : model.disturbances) {
+    if (!disturbance.uncertainty.empty()) continue;
     text +=
         fmt::format("\n[[disturbance]]\nname = {}\nstate = {}\noutput = {}\n",
                     quoted(disturbance.name), list(disturbance.state), list(disturbance.output)) +
@@ -95,6 +96,18 @@ std::string perturbations(const PlantModel& model) {
     text += fmt::format("\n[[noise]]\nname = {}\noutput = {}\n", quoted(noise.name),
                         list(noise.output)) +
             optional_number("bound", noise.bound) + optional_number("sigma", noise.sigma);
+  }
+  return text;
+}
+
+std::string uncertainty(const PlantModel& model, const Uncertainty& unknown) {
+  std::string text = fmt::format("\n[[uncertainty]]\nname = {}\n", quoted(unknown.name));
+  if (unknown.is_parameter) {
+    return text + matrix("A", unknown.delta_A[0]) + matrix("B", unknown.delta_B[0]) + "range = 1\n";
+  }
+  for (std::size_t i = 0; i < unknown.delta_A.size(); ++i) {
+    text += "[[uncertainty.plant]]\n" + matrix("A", model.A + unknown.delta_A[i]) +
+            matrix("B", model.B + unknown.delta_B[i]);
   }
   return text;
 }
@@ -133,6 +146,7 @@ std::string plant_text(const PlantModel& model, const std::vector<std::string>& 
   text += "\n[dynamics]\n" + matrix("A", model.A) + matrix("B", model.B) + matrix("C", model.C) +
           matrix("D", model.D);
   text += faults(model) + perturbations(model);
+  for (const Uncertainty& unknown : model.uncertainties) text += uncertainty(model, unknown);
   for (const Nonlinearity& added : model.nonlinearities) text += nonlinearity(added);
   text += fmt::format("\n[operating_point]\nx = {}\nu = {}\ny = {}\n", list(model.x_operating),
                       list(model.u_operating), list(model.y_operating));

@@ -405,6 +405,11 @@ bool TomlTable::is_table(std::string_view key) const {
   return value != nullptr && value->is_table();
 }
 
+bool TomlTable::is_list(std::string_view key) const {
+  const toml::node* value = node_->table->get(key);
+  return value != nullptr && value->is_array();
+}
+
 std::vector<std::vector<std::string>> TomlTable::string_lists(std::string_view key) {
   Access access{*document_, *node_};
   const Place place = access.place(key);

@@ -73,6 +73,8 @@ class TomlTable {
   [[nodiscard]] bool is_string(std::string_view key) const;
   /// True if the value under `key` is a table (for keys that take a word or a table).
   [[nodiscard]] bool is_table(std::string_view key) const;
+  /// True if the value under `key` is a list (for keys that take a number or a list).
+  [[nodiscard]] bool is_list(std::string_view key) const;
   /// List of lists of strings, e.g. a structure given as fault sets.
   [[nodiscard]] std::vector<std::vector<std::string>> string_lists(std::string_view key);
 

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -27,6 +28,49 @@ void check_plant_can_run(const Scenario& scenario, const PlantModel& plant,
   } catch (const std::invalid_argument& error) {
     throw TomlTable::parse(plant_file.text, plant_file.source).error("sample_time_s", error.what());
   }
+}
+
+// The plant that is simulated: the file's, with its uncertainties where the scenario says.
+PlantModel uncertain_plant(const Scenario& scenario, PlantModel plant) {
+  for (const auto& [name, delta] : scenario.simulation.uncertainty) {
+    const auto refuse = [&scenario, &key = name](const std::string& text) {
+      return scenario_error(scenario, "simulation", "uncertainty",
+                            fmt::format("simulation.uncertainty.{}: {}", key, text));
+    };
+    std::vector<std::string> names;
+    for (const Uncertainty& uncertainty : plant.uncertainties) names.push_back(uncertainty.name);
+    const auto found = std::find(names.begin(), names.end(), name);
+    if (found == names.end()) {
+      const auto near = nearest_name(name, names);
+      throw refuse(
+          names.empty()
+              ? fmt::format("expected none: plant \"{}\" has no [[uncertainty]]", plant.name)
+              : fmt::format("expected an [[uncertainty]] of plant \"{}\" ({}){}", plant.name,
+                            fmt::join(names, ", "),
+                            near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
+    }
+    const Uncertainty& uncertainty =
+        plant.uncertainties[static_cast<std::size_t>(found - names.begin())];
+    if (delta.size() != uncertainty.delta_A.size()) {
+      throw refuse(fmt::format("found {} numbers, expected {}: one per plant of the uncertainty",
+                               delta.size(), uncertainty.delta_A.size()));
+    }
+    double sum = 0.0;
+    for (const double value : delta) {
+      sum += value;
+      if (!(std::abs(value) <= 1.0) || (!uncertainty.is_parameter && value < 0.0)) {
+        throw refuse(fmt::format("found {}, expected {}", value,
+                                 uncertainty.is_parameter
+                                     ? "-1 to 1: a part of the parameter's range"
+                                     : "0 to 1: how much of that plant it is"));
+      }
+    }
+    if (!uncertainty.is_parameter && sum > 1.0) {
+      throw refuse(fmt::format("found shares that add up to {}, expected 1 at most", sum));
+    }
+    apply_uncertainty(uncertainty, delta, plant);
+  }
+  return plant;
 }
 
 /// The operating point with the states that the scenario names elsewhere.
@@ -92,10 +136,11 @@ PlantMaker plant_maker(const Scenario& scenario, const PlantModel& plant,
   if (!simulation.library.empty() || !simulation.model.empty()) {
     return equation_plant_maker(scenario, plant, sample_time_s);
   }
-  check_plant_can_run(scenario, plant, plant_file, sample_time_s);
+  const PlantModel simulated = uncertain_plant(scenario, plant);
+  check_plant_can_run(scenario, simulated, plant_file, sample_time_s);
   const Integration integration = scenario.simulation.integration;
-  return [plant, sample_time_s, integration] {
-    return std::make_unique<ModelPlant>(plant, sample_time_s, integration);
+  return [simulated, sample_time_s, integration] {
+    return std::make_unique<ModelPlant>(simulated, sample_time_s, integration);
   };
 }
 

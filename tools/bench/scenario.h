@@ -70,6 +70,9 @@ struct SimulationSpec {
   std::string model;              ///< a plant in C++ by name; empty: none
   std::filesystem::path library;  ///< a plant in a shared library; empty: none
   std::map<std::string, double, std::less<>> parameters;  ///< of a plant in C++: other values
+  /// Of a plant by its file: where in its uncertainties the simulated one lies, a number of the
+  /// range for a parameter, a share per plant for a list of plants.
+  std::map<std::string, std::vector<double>, std::less<>> uncertainty;
   /// False in a replay: what a log names is not loaded, and the log has what it did.
   bool is_library_at_hand = true;
   bool is_library_override = false;  ///< the command line named the library, not the scenario

@@ -34,6 +34,21 @@ void read_equations(TomlTable& table, const std::filesystem::path& folder,
   }
 }
 
+// [simulation.uncertainty]: what the plant really is; whether it may be, its file says.
+void read_uncertainty(TomlTable& table, SimulationSpec& simulation) {
+  auto values = table.optional_table("uncertainty");
+  if (!values) return;
+  if (is_given_by_equations(simulation)) {
+    throw table.error("uncertainty",
+                      "found it beside `model` or `library`, expected `parameters` there: other "
+                      "values of the plant's own");
+  }
+  for (const std::string& name : values->keys()) {
+    simulation.uncertainty.emplace(
+        name, values->is_list(name) ? values->numbers(name) : std::vector{values->number(name)});
+  }
+}
+
 void read_method(TomlTable& table, SimulationSpec& simulation) {
   if (is_given_by_equations(simulation) && !table.has("method")) return;
   const std::string name =
@@ -81,7 +96,9 @@ SimulationSpec read_simulation(TomlTable table, const std::filesystem::path& fol
   if (table.has("parameters") && !is_given_by_equations(simulation)) {
     throw table.error("parameters", "found it without `model` or `library`, expected one of both");
   }
-  read_method(table, simulation);
+  read_uncertainty(table, simulation);
+  // A table for what the plant is needs no word about how it is integrated.
+  if (simulation.uncertainty.empty() || table.has("method")) read_method(table, simulation);
   read_numbers(table, simulation.integration);
   return simulation;
 }

@@ -38,6 +38,7 @@ struct EigenstructureReport {
   /// Of what the residual ignores, on the outputs that this leaves.
   DecouplingExistence existence;
   Eigen::Index static_rows = 0;
+  Eigen::MatrixXd W;  ///< of r = W (y - ŷ), rows of length one; 0×q if there is no residual
   std::vector<WeakeningReport> weakening;  ///< one, or none
 };
 

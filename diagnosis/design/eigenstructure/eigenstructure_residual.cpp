@@ -108,21 +108,26 @@ class ResidualAssignment {
   }
 
   EigenstructureResidual run() {
-    found_.quotient = geometric_quotient(model_.A, model_.C, ignored_, model_.faults);
-    if (found_.quotient.H.rows() == 0) {
-      found_.report.explanation = "no residual of any kind is without these unknown inputs";
-      note_existence();
-      return std::move(found_);
+    find();
+    if (!found_.reason.empty()) {
+      found_.report.explanation = found_.reason;
     }
-    if (model_.weakened.state.cols() > 0 && !can_decouple_weakened()) {
-      weaken();
-      return std::move(found_);
-    }
-    assign();
     return std::move(found_);
   }
 
  private:
+  void find() {
+    found_.quotient = geometric_quotient(model_.A, model_.C, ignored_, model_.faults);
+    if (found_.quotient.H.rows() == 0) {
+      found_.report.explanation = "no residual of any kind is without these unknown inputs";
+      note_existence();
+    } else if (model_.weakened.state.cols() > 0 && !can_decouple_weakened()) {
+      weaken();
+    } else {
+      assign();
+    }
+  }
+
   [[nodiscard]] bool is_ignored(std::size_t fault) const {
     return std::find(ignores_.begin(), ignores_.end(), fault) != ignores_.end();
   }

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "diagnosis/design/requested_disturbances.h"
 #include "diagnosis/design/subspace.h"
 #include "diagnosis/design/uio/component_threshold.h"
 #include "diagnosis/design/uio/decoupling.h"
@@ -51,22 +52,6 @@ std::vector<std::size_t> state_disturbances(const ObserverPlant& sampled) {
   return indices;
 }
 
-std::vector<std::size_t> required_disturbances(const PlantModel& plant,
-                                               const BankRequest& request) {
-  std::vector<std::size_t> indices;
-  for (const std::string& name : request.decouple) {
-    const auto found = std::find_if(plant.disturbances.begin(), plant.disturbances.end(),
-                                    [&](const Disturbance& item) { return item.name == name; });
-    if (found == plant.disturbances.end()) {
-      throw request_error(
-          request, "decouple",
-          fmt::format("found \"{}\", expected names of the plant's disturbances", name));
-    }
-    indices.push_back(static_cast<std::size_t>(found - plant.disturbances.begin()));
-  }
-  return indices;
-}
-
 // One way of decoupling, and which disturbances no longer reach the error.
 struct DecouplingWay {
   DecouplingMatrices matrices;
@@ -88,7 +73,8 @@ DecouplingWay way_of(const ObserverPlant& sampled, const ObserverTask& task, con
 
 MatrixXd required_directions(const PlantModel& plant, const BankRequest& request,
                              const ObserverPlant& sampled, const ObserverTask& task) {
-  const std::vector<std::size_t> required = required_disturbances(plant, request);
+  const std::vector<std::size_t> required =
+      disturbance_indices(plant, request, "decouple", request.decouple);
   const MatrixXd C = augmented_outputs(sampled, task);
   const MatrixXd D = with_rows(chosen_columns(sampled.disturbance_states, required), C.cols());
   const DecouplableDirections split = split_decouplable(D, C);
