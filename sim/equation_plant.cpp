@@ -148,6 +148,7 @@ EquationPlant::EquationPlant(const faultline_plant_table& table, const PlantMode
 void EquationPlant::reset(const Eigen::VectorXd& x) noexcept {
   x_ = x;
   result_ = {};
+  integrator_->reset();
 }
 
 void EquationPlant::take(const PlantDrive& drive) noexcept {
