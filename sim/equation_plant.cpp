@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
+#include <limits>
 #include <span>
 #include <stdexcept>
+#include <string_view>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -61,6 +64,25 @@ void check_states(const std::vector<std::string>& file, const std::vector<std::s
       fmt::format("states: found {}, expected them in the order of plant "
                   "\"{}\": {}",
                   fmt::join(file, ", "), plant, fmt::join(table, ", ")));
+}
+
+/// Calls what a table gives. What it throws is noted in `thrown`, and its result is then not a
+/// number.
+template <class Call>
+void call(std::span<char> thrown, std::span<double> result, const Call& function) noexcept {
+  const auto note = [&](std::string_view what) {
+    if (thrown.front() == '\0') {
+      thrown[what.copy(thrown.data(), thrown.size() - 1)] = '\0';
+    }
+    std::fill(result.begin(), result.end(), std::numeric_limits<double>::quiet_NaN());
+  };
+  try {
+    function();
+  } catch (const std::exception& exception) {
+    note(*exception.what() == '\0' ? "an exception" : exception.what());
+  } catch (...) {
+    note("an exception that is no std::exception");
+  }
 }
 
 }  // namespace
@@ -124,22 +146,27 @@ EquationPlant::EquationPlant(const faultline_plant_table& table, const PlantMode
   for (std::size_t i = 0; i < p_.size(); ++i) {
     components_.push_back({table.parameters[i].name, p_[i]});
   }
-  HeldEquations equations{
-      .state_count = table.state_count,
-      .derivative =
-          [](void* self, const double* x, double* dx) {
-            const EquationPlant& plant = *static_cast<const EquationPlant*>(self);
-            plant.table_->derivative(x, plant.u_.data(), plant.p_.data(), plant.d_.data(), dx);
-          },
-      .event_count = table.event_count};
+  HeldEquations equations{.state_count = table.state_count,
+                          .derivative =
+                              [](void* self, const double* x, double* dx) {
+                                EquationPlant& plant = *static_cast<EquationPlant*>(self);
+                                call(plant.thrown_, {dx, plant.table_->state_count}, [&] {
+                                  plant.table_->derivative(x, plant.u_.data(), plant.p_.data(),
+                                                           plant.d_.data(), dx);
+                                });
+                              },
+                          .event_count = table.event_count};
   if (table.event_count > 0) {
     equations.events = [](void* self, const double* x, double* g) {
-      const EquationPlant& plant = *static_cast<const EquationPlant*>(self);
-      plant.table_->events(x, plant.u_.data(), plant.p_.data(), plant.d_.data(), g);
+      EquationPlant& plant = *static_cast<EquationPlant*>(self);
+      call(plant.thrown_, {g, plant.table_->event_count},
+           [&] { plant.table_->events(x, plant.u_.data(), plant.p_.data(), plant.d_.data(), g); });
     };
     equations.on_event = [](void* self, std::size_t event, double* x) {
-      const EquationPlant& plant = *static_cast<const EquationPlant*>(self);
-      plant.table_->on_event(event, plant.u_.data(), plant.p_.data(), plant.d_.data(), x);
+      EquationPlant& plant = *static_cast<EquationPlant*>(self);
+      call(plant.thrown_, {x, plant.table_->state_count}, [&] {
+        plant.table_->on_event(event, plant.u_.data(), plant.p_.data(), plant.d_.data(), x);
+      });
     };
   }
   integrator_ =
@@ -149,6 +176,8 @@ EquationPlant::EquationPlant(const faultline_plant_table& table, const PlantMode
 void EquationPlant::reset(const Eigen::VectorXd& x) noexcept {
   x_ = x;
   result_ = {};
+  thrown_.fill('\0');
+  integrator_->reset();
 }
 
 void EquationPlant::take(const PlantDrive& drive) noexcept {
@@ -170,7 +199,8 @@ void EquationPlant::take(const PlantDrive& drive) noexcept {
 
 void EquationPlant::measure(const PlantDrive& drive, std::span<double> y) noexcept {
   take(drive);
-  table_->measure(x_.data(), u_.data(), p_.data(), d_.data(), y_.data());
+  call(thrown_, y_,
+       [&] { table_->measure(x_.data(), u_.data(), p_.data(), d_.data(), y_.data()); });
   noise_part_.setZero();
   if (drive.perturbations.noise.size() > 0) noise_part_.noalias() = F_ * drive.perturbations.noise;
   for (std::size_t i = 0; i < y_.size(); ++i) {
@@ -184,6 +214,9 @@ void EquationPlant::step(const PlantDrive& drive) noexcept {
 }
 
 std::string EquationPlant::failure() const {
+  if (thrown_.front() != '\0') {
+    return fmt::format("its equations have thrown \"{}\"", thrown_.data());
+  }
   for (Eigen::Index i = 0; i < x_.size(); ++i) {
     if (!std::isfinite(x_[i])) {
       return fmt::format("{} is not finite", state_names_[static_cast<std::size_t>(i)]);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <map>
 #include <memory>
 #include <string>
@@ -30,7 +31,7 @@ using PlantParameters = std::map<std::string, double, std::less<>>;
 /// disturbances and noise come in the file's order, and are matched by name; states are the
 /// table's, in its order. A noise of the file whose name is a disturbance of the table is that
 /// disturbance; any other enters by its column F. A disturbance that the file leaves out stays
-/// zero.
+/// zero. An exception from the table's functions ends the run as a state that is not finite does.
 class EquationPlant final : public SimulatedPlant {
  public:
   /// At the file's operating point. `table` must outlive the plant.
@@ -49,7 +50,8 @@ class EquationPlant final : public SimulatedPlant {
     return components_;
   }
   [[nodiscard]] bool is_finite() const noexcept override {
-    return x_.allFinite() && result_.trouble == IntegrationResult::Trouble::kNone;
+    return x_.allFinite() && result_.trouble == IntegrationResult::Trouble::kNone &&
+           thrown_.front() == '\0';
   }
   [[nodiscard]] std::string failure() const override;
 
@@ -67,6 +69,7 @@ class EquationPlant final : public SimulatedPlant {
   std::vector<std::string> state_names_;
   std::unique_ptr<Integrator> integrator_;
   IntegrationResult result_;
+  std::array<char, 200> thrown_{};  // the first exception's text; empty: none
   Eigen::VectorXd x_, noise_part_;
   std::vector<double> u_, p_, d_, y_;
 };

@@ -23,6 +23,14 @@ constexpr int kBisections = 48;
 // How far ahead, in samples, f is followed to see which side of an event function it leads to: far
 // enough to tell it from what bisection leaves, too short for anything else to happen.
 constexpr double kLookAhead = 1e-6;
+// How often, and how many times as far each time, f is followed where it leads along a surface at
+// first: to a tenth of a sample.
+constexpr int kLooksAhead = 6;
+constexpr double kFartherAhead = 10.0;
+// An event within this part of what is left is at the beginning of it, as bisection sees it.
+constexpr double kAtOnce = 0x1p-44;
+// By which part a state is moved to see what an event function depends on.
+constexpr double kNudge = 1e-6;
 // A step below this part of a sample is lost when t is added.
 constexpr double kLeastStep = 1e-14;
 // Steps in one sample before Dormand-Prince gives up: a stiff plant must not stop a bench's clock.
@@ -37,28 +45,41 @@ bool are_finite(const State& x) noexcept {
 /// Which side of zero each event function is on.
 class EventSides {
  public:
+  using Trouble = IntegrationResult::Trouble;
+
   EventSides(const HeldEquations& equations, double look_ahead_s)
       : equations_(equations),
         look_ahead_s_(look_ahead_s),
         g_(equations.event_count),
+        g_ahead_(equations.event_count),
         side_(equations.event_count),
+        was_(equations.event_count),
+        leads_through_(equations.event_count),
         is_fresh_(equations.event_count, false),
         slope_(equations.state_count),
-        ahead_(equations.state_count) {}
+        ahead_(equations.state_count),
+        before_(equations.state_count) {}
 
   [[nodiscard]] bool is_empty() const noexcept { return side_.empty(); }
 
-  /// A sample begins at x. What was held may have changed: that is no event.
+  void reset() noexcept {
+    std::fill(side_.begin(), side_.end(), std::int8_t{0});
+    std::fill(is_fresh_.begin(), is_fresh_.end(), false);
+  }
+
+  /// A sample begins at x. What was held may have changed: that is no event. What lies on a surface
+  /// keeps its side, unless it has just been put there and f now leads elsewhere.
   void begin(void* self, const State& x) noexcept {
     if (is_empty()) return;
     count_ = 0;
     equations_.events(self, x.data(), g_.data());
-    bool is_undecided = false;
+    const bool has_fresh = std::find(is_fresh_.begin(), is_fresh_.end(), true) != is_fresh_.end();
+    if (has_fresh) look_ahead(self, x);
     for (std::size_t i = 0; i < side_.size(); ++i) {
-      side_[i] = is_fresh_[i] ? 0 : sign(g_[i]);
-      is_undecided = is_undecided || side_[i] == 0;
+      const std::int8_t side = sign(is_fresh_[i] ? g_ahead_[i] - g_[i] : g_[i]);
+      if (side != 0) side_[i] = side;
     }
-    if (is_undecided) decide(self, x);
+    decide(self, x);
   }
 
   [[nodiscard]] bool have_changed(void* self, const State& x) noexcept {
@@ -77,24 +98,58 @@ class EventSides {
     }
   }
 
-  /// Calls on_event for all that have changed at x. @return false once there were too many.
-  bool handle(void* self, State& x) noexcept {
+  /// Calls on_event for all that have changed at x, which lies `part` of the way that was left
+  /// behind the last event or the step's beginning.
+  Trouble handle(void* self, State& x, double part) noexcept {
     equations_.events(self, x.data(), g_.data());
+    const bool is_at_once = part <= kAtOnce;
+    bool comes_again = false;
     for (std::size_t i = 0; i < side_.size(); ++i) {
-      is_fresh_[i] = has_changed(i);
-      if (is_fresh_[i]) last_ = i;
+      was_[i] = has_changed(i) ? side_[i] : std::int8_t{0};
+      if (was_[i] != 0) {
+        last_ = i;
+        comes_again = comes_again || (is_at_once && is_fresh_[i]);
+      }
+      // Behind an event at once, x is still where the one before has left it.
+      is_fresh_[i] = was_[i] != 0 || (is_at_once && is_fresh_[i]);
     }
+    if (comes_again) return Trouble::kRest;
+    look_ahead(self, x);
     for (std::size_t i = 0; i < side_.size(); ++i) {
-      if (is_fresh_[i]) equations_.on_event(self, i, x.data());
+      leads_through_[i] = sign(g_ahead_[i] - g_[i]) == -was_[i];
     }
+    std::copy(x.begin(), x.end(), before_.begin());
+    for (std::size_t i = 0; i < side_.size(); ++i) {
+      if (was_[i] != 0) equations_.on_event(self, i, x.data());
+    }
+    if (++count_ > kMostEventsPerSample) return Trouble::kTooManyEvents;
     // One event may move the state across another's surface: that is its doing, and no event.
     equations_.events(self, x.data(), g_.data());
     for (std::size_t i = 0; i < side_.size(); ++i) side_[i] = is_fresh_[i] ? 0 : sign(g_[i]);
-    decide(self, x);
-    return ++count_ <= kMostEventsPerSample;
+    decide(self, x, x != before_);
+    return has_stopped_ ? Trouble::kRest : Trouble::kNone;
   }
 
   [[nodiscard]] std::size_t last() const noexcept { return last_; }
+
+  /// The state that moves the last event's function most.
+  [[nodiscard]] std::size_t state_of_last(void* self, const State& x) noexcept {
+    equations_.events(self, x.data(), g_.data());
+    std::size_t state = 0;
+    double most = -1.0;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      std::copy(x.begin(), x.end(), ahead_.begin());
+      const double change = kNudge * std::max(std::abs(x[i]), 1.0);
+      ahead_[i] += change;
+      equations_.events(self, ahead_.data(), g_ahead_.data());
+      const double moved = std::abs(g_ahead_[last_] - g_[last_]) / change;
+      if (moved > most) {
+        most = moved;
+        state = i;
+      }
+    }
+    return state;
+  }
 
  private:
   static std::int8_t sign(double value) noexcept {
@@ -103,22 +158,54 @@ class EventSides {
   [[nodiscard]] bool has_changed(std::size_t i) const noexcept {
     return side_[i] != 0 && sign(g_[i]) == -side_[i];
   }
-  /// The sides that are open become those which f leads to.
-  void decide(void* self, const State& x) noexcept {
+  /// The sides that are open become those which f leads to: by its direction, and where that lies
+  /// in the surface, by what two steps along it make of it, ever farther ahead. @pre g_ is at x
+  void decide(void* self, const State& x, bool is_new_state = false) noexcept {
+    has_stopped_ = false;
+    if (!has_open_side()) return;
+    look_ahead(self, x);
+    choose_sides(is_new_state, true);
+    double half_s = 0.5 * look_ahead_s_;
+    for (int i = 0; i < kLooksAhead && has_open_side(); ++i, half_s *= kFartherAhead) {
+      equations_.derivative(self, x.data(), slope_.data());
+      for (std::size_t j = 0; j < x.size(); ++j) ahead_[j] = x[j] + half_s * slope_[j];
+      equations_.derivative(self, ahead_.data(), slope_.data());
+      for (std::size_t j = 0; j < x.size(); ++j) ahead_[j] += half_s * slope_[j];
+      equations_.events(self, ahead_.data(), g_ahead_.data());
+      choose_sides(is_new_state, false);
+    }
+  }
+  [[nodiscard]] bool has_open_side() const noexcept {
+    return std::find(side_.begin(), side_.end(), std::int8_t{0}) != side_.end();
+  }
+  void look_ahead(void* self, const State& x) noexcept {
     equations_.derivative(self, x.data(), slope_.data());
     for (std::size_t i = 0; i < x.size(); ++i) ahead_[i] = x[i] + look_ahead_s_ * slope_[i];
-    equations_.events(self, ahead_.data(), g_.data());
+    equations_.events(self, ahead_.data(), g_ahead_.data());
+  }
+  /// By g_ahead_. What has been turned to lead through its surface was on its way back from it, but
+  /// too slowly for x to show it; and what has been stopped on its surface must not be led through
+  /// it later. Both are a ball in its floor.
+  void choose_sides(bool is_new_state, bool is_direction) noexcept {
     for (std::size_t i = 0; i < side_.size(); ++i) {
-      if (side_[i] == 0) side_[i] = sign(g_[i]);
+      if (side_[i] != 0) continue;
+      side_[i] = sign(g_ahead_[i] - g_[i]);
+      if (!is_new_state || was_[i] == 0 || side_[i] != -was_[i]) continue;
+      if (is_direction && leads_through_[i]) continue;  // as it was led before the event
+      last_ = i;
+      has_stopped_ = true;
     }
   }
 
   HeldEquations equations_;
   double look_ahead_s_;
-  State g_;
-  std::vector<std::int8_t> side_;  // 0: on the surface, and led nowhere
-  std::vector<bool> is_fresh_;     // handled, and no step has ended since
-  State slope_, ahead_;
+  State g_, g_ahead_;
+  std::vector<std::int8_t> side_;    // 0: on the surface, and led nowhere
+  std::vector<std::int8_t> was_;     // side before the event that is being handled; 0: it has none
+  std::vector<bool> leads_through_;  // did f before the event
+  std::vector<bool> is_fresh_;       // handled, and x has not moved on since
+  State slope_, ahead_, before_;
+  bool has_stopped_ = false;
   int count_ = 0;
   std::size_t last_ = 0;
 };
@@ -166,6 +253,7 @@ class RungeKutta4 final : public Integrator {
     std::copy(x_.begin(), x_.end(), x);
     return result;
   }
+  void reset() noexcept override { sides_.reset(); }
 
  private:
   void step(void* self, State& x, double step_s) noexcept {
@@ -192,10 +280,10 @@ class RungeKutta4 final : public Integrator {
       const double at_s = locate(sides_, self, trial_, left_s, go);
       go(at_s);
       x_.swap(trial_);
+      const auto trouble = sides_.handle(self, x_, at_s / left_s);
       left_s -= at_s;
-      if (!sides_.handle(self, x_)) {
-        return {IntegrationResult::Trouble::kTooManyEvents, sides_.last(),
-                from_s + step_s_ - left_s};
+      if (trouble != IntegrationResult::Trouble::kNone) {
+        return {trouble, sides_.state_of_last(self, x_), sides_.last(), from_s + step_s_ - left_s};
       }
     }
     return {};
@@ -241,16 +329,21 @@ class DormandPrince final : public Integrator {
     for (int steps = 0; t_s < sample_time_s_; ++steps) {
       const double step_s = try_step(self, t_s);
       if (step_s == 0.0 || steps == kMostSteps) {
-        result = {IntegrationResult::Trouble::kStepsTooSmall, worst_state(), t_s};
+        result = {IntegrationResult::Trouble::kStepsTooSmall, worst_state(), 0, t_s};
         break;
       }
-      if (!take_step(self, t_s, step_s)) {
-        result = {IntegrationResult::Trouble::kTooManyEvents, sides_.last(), t_s};
+      const auto trouble = take_step(self, t_s, step_s);
+      if (trouble != IntegrationResult::Trouble::kNone) {
+        result = {trouble, sides_.state_of_last(self, x_), sides_.last(), t_s};
         break;
       }
     }
     std::copy(x_.begin(), x_.end(), x);
     return result;
+  }
+  void reset() noexcept override {
+    sides_.reset();
+    step_s_ = sample_time_s_;
   }
 
  private:
@@ -285,14 +378,14 @@ class DormandPrince final : public Integrator {
   }
 
   /// x_ becomes x_next_, or where the first event before it leads; t_s follows.
-  bool take_step(void* self, double& t_s, double step_s) noexcept {
+  IntegrationResult::Trouble take_step(void* self, double& t_s, double step_s) noexcept {
     const double end_s = t_s + step_s >= sample_time_s_ ? sample_time_s_ : t_s + step_s;
     if (sides_.is_empty() || !sides_.have_changed(self, x_next_)) {
       x_.swap(x_next_);
       slope_.swap(slope_next_);
       sides_.settle();
       t_s = end_s;
-      return true;
+      return IntegrationResult::Trouble::kNone;
     }
     const auto go = [&](double part_s) {
       method_.stepper().calc_state(part_s, between_, x_, slope_, 0.0, x_next_, slope_next_, step_s);
@@ -301,9 +394,9 @@ class DormandPrince final : public Integrator {
     go(at_s);
     x_.swap(between_);
     t_s = at_s == step_s ? end_s : t_s + at_s;
-    const bool may_go_on = sides_.handle(self, x_);
+    const auto trouble = sides_.handle(self, x_, at_s / step_s);
     equations_.derivative(self, x_.data(), slope_.data());
-    return may_go_on;
+    return trouble;
   }
 
   /// The one that moves fastest, by its tolerance.
@@ -353,9 +446,13 @@ std::string trouble_text(const IntegrationResult& result,
                          state_names[result.index], result.into_sample_s);
     case kTooManyEvents:
       return fmt::format(
-          "event {}: more than {} events in one sample, {:.6g} s into it: the plant "
-          "chatters",
-          result.index + 1, kMostEventsPerSample, result.into_sample_s);
+          "{}: event {}: more than {} events in one sample, {:.6g} s into it: the plant chatters",
+          state_names[result.index], result.event + 1, kMostEventsPerSample, result.into_sample_s);
+    case kRest:
+      return fmt::format(
+          "{}: event {} has brought it to rest {:.6g} s into the sample, and the equations do not "
+          "say what holds it there",
+          state_names[result.index], result.event + 1, result.into_sample_s);
   }
   return {};
 }

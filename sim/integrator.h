@@ -24,15 +24,16 @@ struct IntegrationResult {
   enum class Trouble : unsigned char {
     kNone,
     kStepsTooSmall,  ///< no step is small enough for the tolerances; `index`: the worst state
-    kTooManyEvents,  ///< more than kMostEventsPerSample; `index`: the last event
+    kTooManyEvents,  ///< more than kMostEventsPerSample; `index`: the state that `event` looks at
+    kRest,           ///< `event` happens without end where it has just happened; `index` as above
   };
   Trouble trouble = Trouble::kNone;
-  std::size_t index = 0;
+  std::size_t index = 0;       ///< a state
+  std::size_t event = 0;       ///< the last one
   double into_sample_s = 0.0;  ///< where it gave up
 };
 
-/// A plant that meets more events in one sample chatters: a ball that has come to rest on its floor
-/// meets infinitely many.
+/// A plant that meets more events in one sample chatters.
 inline constexpr int kMostEventsPerSample = 200;
 
 /// Takes x from one sample to the next.
@@ -42,6 +43,18 @@ inline constexpr int kMostEventsPerSample = 200;
 /// of x. Which side of g = 0 a plant is on behind an event is where f then leads it, so that a ball
 /// is not hit twice by the same floor. A g that changes its sign twice within one step is not seen.
 ///
+/// An event that merely switches something is gone on from, whichever way f then leads. One without
+/// an end is not: a ball that comes to rest on its floor bounces infinitely often in finite time,
+/// in ever shorter flights, and what lies behind that f and on_event do not say. Such a plant is
+/// given up (kRest) where a flight has become too short to be told from the event before it, and
+/// where on_event has stopped x on the surface and f leads on through it. on_event says that a
+/// plant stays where it has been stopped by changing what f is there, by a state of its own if need
+/// be.
+///
+/// A step that finds an event has looked behind it: where f itself jumps there, that step is only
+/// as good as it is long. A mode that on_event sets, a state that is otherwise constant, costs
+/// nothing.
+///
 /// Runge-Kutta 4 looks for an event by repeating its step, shortened; Dormand-Prince on its dense
 /// output (order 4), without evaluating f.
 class Integrator {
@@ -50,6 +63,8 @@ class Integrator {
   /// x_k+1 in place of x_k. What is found not finite is left so: nobody is asked to go on from
   /// there. Real-time: neither allocates nor throws.
   virtual IntegrationResult advance(void* self, double* x) noexcept = 0;
+  /// Forgets what the samples so far have left: the step's length, sides of surfaces.
+  virtual void reset() noexcept = 0;
 
  protected:
   Integrator() = default;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <exception>
 #include <functional>
 #include <limits>
 #include <span>
@@ -101,12 +102,13 @@ class Equations {
 
   [[nodiscard]] VectorXd f() const {
     VectorXd dx = VectorXd::Zero(x.size());
-    table_.derivative(x.data(), u.data(), p.data(), d.data(), dx.data());
+    call("derivative",
+         [&] { table_.derivative(x.data(), u.data(), p.data(), d.data(), dx.data()); });
     return dx;
   }
   [[nodiscard]] VectorXd h() const {
     VectorXd y = VectorXd::Zero(std::ssize(outputs));
-    table_.measure(x.data(), u.data(), p.data(), d.data(), y.data());
+    call("measure", [&] { table_.measure(x.data(), u.data(), p.data(), d.data(), y.data()); });
     return y;
   }
   /// f and h, one below the other, by `variables`, which is x, u, p or d of this.
@@ -149,6 +151,19 @@ class Equations {
   }
 
  private:
+  template <class Function>
+  static void call(const char* name, const Function& function) {
+    std::string what = "an exception that is no std::exception";
+    try {
+      return function();
+    } catch (const std::exception& exception) {
+      what = exception.what();
+    } catch (...) {
+      // as it says
+    }
+    throw NoLinearisation(fmt::format("its function `{}` has thrown \"{}\"", name, what));
+  }
+
   const faultline_plant_table& table_;
 
  public:

@@ -12,7 +12,8 @@
 
 namespace faultline {
 
-/// There is no equilibrium near, or the equations are not finite there: the message says which.
+/// There is no equilibrium near, or the equations are not finite or throw there: the message says
+/// which.
 class NoLinearisation : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

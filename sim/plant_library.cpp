@@ -1,6 +1,7 @@
 #include "sim/plant_library.h"
 
 #include <cmath>
+#include <exception>
 #include <set>
 #include <span>
 #include <string>
@@ -110,7 +111,18 @@ std::shared_ptr<const faultline_plant_table> load_plant_library(
                     library.string(), FAULTLINE_PLANT_ENTRY));
   }
   const auto entry = reinterpret_cast<const faultline_plant_table* (*)()>(symbol);
-  const faultline_plant_table* const table = entry();
+  const faultline_plant_table* const table = [&] {
+    try {
+      return entry();
+    } catch (const std::exception& exception) {
+      throw PlantLibraryError(fmt::format("{}: {} has thrown \"{}\", expected a table",
+                                          library.string(), FAULTLINE_PLANT_ENTRY,
+                                          exception.what()));
+    } catch (...) {
+      throw PlantLibraryError(fmt::format("{}: {} has thrown an exception, expected a table",
+                                          library.string(), FAULTLINE_PLANT_ENTRY));
+    }
+  }();
   if (table == nullptr) {
     throw PlantLibraryError(fmt::format("{}: {} returned a null pointer, expected a table",
                                         library.string(), FAULTLINE_PLANT_ENTRY));

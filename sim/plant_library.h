@@ -22,7 +22,8 @@ void check_plant_table(const faultline_plant_table& table);
 
 /// The plant in a shared library, which stays loaded as long as anybody holds the pointer. Loading
 /// runs what the library does when it is loaded.
-/// @throws PlantLibraryError no file, no library, no entry point `faultline_plant_v1`; else as
+/// @throws PlantLibraryError no file, no library, no entry point `faultline_plant_v1`, or one that
+/// throws; else as
 ///   check_plant_table. The message begins with the library's name.
 [[nodiscard]] std::shared_ptr<const faultline_plant_table> load_plant_library(
     const std::filesystem::path& library);

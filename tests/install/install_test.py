@@ -123,6 +123,13 @@ class Install(unittest.TestCase):
         self.assertEqual(set(output.read_text().splitlines()),
                          {"Sensors1.y1 = 1", "Sensors1.y2 = -1", "Sensors1.Sensors1Cycle = 42"})
 
+    def test_a_plant_library_needs_the_installed_headers_alone(self):
+        build = pathlib.Path(self.folder.name, "plant_library")
+        run(CMAKE, "-S", ROOT / "examples" / "plant_library", "-B", build, "-G", "Ninja",
+            f"-DFAULTLINE_INCLUDE={self.prefix}/include/faultline")
+        run(CMAKE, "--build", build)
+        run(self.prefix / "bin" / "faultline", "linearise", "--plant-lib", build / "my_plant.so")
+
     def test_the_diagnosis_libraries_link(self):
         source = pathlib.Path(self.folder.name, "source")
         source.mkdir()

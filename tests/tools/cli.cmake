@@ -9,6 +9,12 @@ foreach(test IN ITEMS can_cli design_cli doctor_cli eigenstructure_cli faultline
     ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>")
 endforeach()
 
+# A plant of the user's own, with the compiler that has built the program.
+add_test(NAME plant_library COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/plant_library_test.py)
+set_tests_properties(plant_library PROPERTIES
+  TIMEOUT 240 # takes 10 s on a quiet machine: most of it is compiling
+  ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>;CMAKE=${CMAKE_COMMAND};CXX=${CMAKE_CXX_COMPILER}")
+
 # On real CAN sockets, which sanitized programs cannot have (see tests/drivers).
 if(NOT FAULTLINE_SANITIZER)
   add_test(NAME can_bus
