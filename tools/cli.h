@@ -56,6 +56,7 @@ void add_replay_command(CLI::App& program, int& exit_code);
 void add_run_command(CLI::App& program, int& exit_code);
 void add_info_command(CLI::App& program, int& exit_code);
 void add_linearise_command(CLI::App& program, int& exit_code);
+void add_watch_command(CLI::App& program, int& exit_code);
 void add_unknown_inputs_command(CLI::App& program, int& exit_code);
 
 }  // namespace faultline
