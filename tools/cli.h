@@ -48,6 +48,7 @@ void write_to(const std::string& target, const std::function<void(std::FILE*)>& 
 
 /// Each command adds itself to the program; `exit_code` is what it answered.
 void add_check_command(CLI::App& program, int& exit_code);
+void add_dash_command(CLI::App& program, int& exit_code);
 void add_diagnose_command(CLI::App& program, int& exit_code);
 void add_design_command(CLI::App& program, int& exit_code);
 void add_doctor_command(CLI::App& program, int& exit_code);

@@ -50,6 +50,7 @@ int run_program(int argc, char** argv) {
   add_can_command(program, exit_code);
   add_decode_command(program, exit_code);
   add_doctor_command(program, exit_code);
+  add_dash_command(program, exit_code);
   add_watch_command(program, exit_code);
   try {
     program.parse(argc, argv);
