@@ -16,14 +16,16 @@ double as_ms(std::chrono::nanoseconds time) {
   return std::chrono::duration<double, std::milli>(time).count();
 }
 
-/// Upper edge of the bucket below which a share of the latencies lies, µs.
+/// Upper edge of the bucket below which a share of the latencies lies, or the largest of them if
+/// that is less; µs.
 double percentile_us(const latency_histogram_t& latency, double share) {
   std::int64_t below = 0;
   const double wanted = share * static_cast<double>(latency.count);
   for (std::size_t i = 0; i < latency.counts.size(); ++i) {
     below += latency.counts[i];
-    if (static_cast<double>(below) >= wanted)
-      return static_cast<double>(latency.upper_ns[i]) * 1e-3;
+    if (static_cast<double>(below) >= wanted) {
+      return static_cast<double>(std::min(latency.upper_ns[i], latency.max_ns)) * 1e-3;
+    }
   }
   return static_cast<double>(latency.max_ns) * 1e-3;
 }
