@@ -247,7 +247,7 @@ TEST_F(ScenarioTest, LeavesOpenWhatIsIsolatedBesideOtherVerdicts) {
   const Scenario any = read(expect("verdict = [\"ambiguous\", \"isolated\"]") +
                             expect("verdict = \"isolated\"\nfaults = [\"u1\"]"));
   EXPECT_TRUE(any.expectations[0].faults.empty());
-  EXPECT_EQ(expectation_words(any.expectations[0]), "1 .. 2 s  ambiguous or isolated");
+  EXPECT_EQ(expectation_words(any.expectations[0]), "1 .. 2 s  isolated or ambiguous");
   EXPECT_EQ(any.expectations.size(), 2U) << "they do not contradict each other";
 }
 
