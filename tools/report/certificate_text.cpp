@@ -43,11 +43,11 @@ std::string certificate_text(const Bank& bank, const ResidualFilter& filter) {
     }
   }
   std::string text = fmt::format("{} ignores {}", filter.name, names_in_words(ignored));
-  if (!ignored.empty()) text += fmt::format(": leakage {:.1g}", leakage);
+  if (!ignored.empty()) text += fmt::format(": leakage {:.0e}", leakage);
   text += fmt::format(". It sees {}.", fmt::join(seen, "; "));
   const auto& inputs = certificate.input_gain;
   if (!inputs.empty()) {
-    text += fmt::format(" Largest gain from an input {:.1g}.",
+    text += fmt::format(" Largest gain from an input {:.0e}.",
                         *std::max_element(inputs.begin(), inputs.end()));
   }
   for (std::size_t i = 0; i < bank.disturbances.size(); ++i) {
@@ -57,7 +57,7 @@ std::string certificate_text(const Bank& bank, const ResidualFilter& filter) {
                             : disturbance.treatment == BankDisturbance::Treatment::kConstant
                                 ? "is decoupled while constant: leakage"
                                 : "is decoupled: leakage";
-    text += fmt::format(" Disturbance {} {} {:.1g}.", disturbance.name, how,
+    text += fmt::format(" Disturbance {} {} {:.0e}.", disturbance.name, how,
                         certificate.disturbance_gain[i]);
   }
   return text +

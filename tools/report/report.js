@@ -207,24 +207,18 @@
     isShowing = false;
   }
 
-  const waiting = new Set(document.querySelectorAll('.chart'));
-  function makeWaiting(element) {
-    if (waiting.delete(element)) make(element);
+  // One chart after the other, each in a task of its own: the page can be read and scrolled meanwhile.
+  // All that are left before the page is printed.
+  const waiting = Array.from(document.querySelectorAll('.chart'));
+  function makeNext() {
+    if (waiting.length === 0) return;
+    make(waiting.shift());
+    setTimeout(makeNext, 0);
   }
   function makeAll() {
-    for (const element of Array.from(waiting)) makeWaiting(element);
+    while (waiting.length > 0) make(waiting.shift());
   }
-
-  // Charts are made when they come near the screen; all of them before the page is printed.
-  const observer = new IntersectionObserver((entries) => {
-    for (const entry of entries) {
-      if (entry.isIntersecting) {
-        observer.unobserve(entry.target);
-        makeWaiting(entry.target);
-      }
-    }
-  }, {rootMargin: '800px'});
-  waiting.forEach((element) => observer.observe(element));
+  makeNext();
   window.addEventListener('beforeprint', () => { makeAll(); restyle(); });
   window.addEventListener('afterprint', restyle);
   for (const query of ['print', '(prefers-color-scheme: dark)']) {
