@@ -12,6 +12,7 @@
 
 #include "tools/cli.h"
 #include "tools/log/replaced_file.h"
+#include "tools/report/figure_page.h"
 #include "tools/report/report_page.h"
 #include "tools/version.h"
 
@@ -20,11 +21,33 @@ namespace {
 
 struct ReportArguments {
   std::vector<std::string> logs;
+  std::string figures;
   std::string output = "report.html";
   bool is_one_run = false;
 };
 
+/// What stood there is replaced when the page is complete.
+void write_page(const std::string& page, const std::string& output) {
+  if (output == "-") {
+    write_to(output, [&](std::FILE* file) { std::fwrite(page.data(), 1, page.size(), file); });
+    return;
+  }
+  ReplacedFile file(output);
+  file.write(page.data(), page.size());
+  file.commit();
+}
+
 int report(const ReportArguments& arguments) {
+  if (!arguments.figures.empty()) {
+    if (arguments.logs.size() != 1) {
+      throw std::invalid_argument(
+          fmt::format("LOG: found {} with --figures, expected one, the folder of the figures' logs",
+                      arguments.logs.size()));
+    }
+    write_page(figure_page(read_figures(arguments.figures), arguments.logs.front(), kVersion),
+               arguments.output);
+    return kExitYes;
+  }
   std::vector<std::vector<std::string>> runs;
   if (arguments.is_one_run) {
     runs.push_back(arguments.logs);
@@ -47,14 +70,7 @@ int report(const ReportArguments& arguments) {
 void write_report(const std::vector<std::vector<std::string>>& logs, const std::string& output) {
   std::vector<RunRecord> records;
   for (const std::vector<std::string>& files : logs) records.push_back(read_run_record(files));
-  const std::string page = report_page(std::move(records), kVersion);
-  if (output == "-") {
-    write_to(output, [&](std::FILE* file) { std::fwrite(page.data(), 1, page.size(), file); });
-    return;
-  }
-  ReplacedFile file(output);
-  file.write(page.data(), page.size());
-  file.commit();
+  write_page(report_page(std::move(records), kVersion), output);
 }
 
 void add_report_command(CLI::App& program, int& exit_code) {
@@ -73,6 +89,11 @@ void add_report_command(CLI::App& program, int& exit_code) {
   command->add_flag("--split", arguments->is_one_run,
                     "The logs are the files of one run, in order (--log-split-size, "
                     "--log-split-time)");
+  command
+      ->add_option("--figures", arguments->figures,
+                   "Instead: the figures of this file, each from a log in folder LOG, with what is "
+                   "claimed of them and what is true")
+      ->type_name("F.toml");
   command->footer(kExitCodesHelp);
   command->callback([arguments, &exit_code] { exit_code = report(*arguments); });
 }

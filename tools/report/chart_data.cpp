@@ -136,6 +136,7 @@ std::string ChartData::json(std::array<double, 2> window,
                {"has_bands", chart.has_bands},
                {"fired", chart.fired},
                {"series", Json::array()}};
+    if (chart.faults) entry["faults"] = *chart.faults;
     for (const ChartSeries& series : chart.series) {
       entry["series"].push_back(series_json(series, chart.has_bands));
     }

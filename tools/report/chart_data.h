@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,8 @@ struct Chart {
   bool has_bands = false;  ///< its series are points
   /// Per run: from, until in seconds, while the residual fired.
   std::vector<std::vector<std::array<double, 2>>> fired{};
+  /// Stretches with faults, where they are not those of the page.
+  std::optional<std::vector<std::array<double, 2>>> faults{};
 };
 
 /// The charts of a page and the data that they draw. The page may be `most_bytes` long in data:

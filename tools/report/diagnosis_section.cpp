@@ -70,6 +70,12 @@ std::string timeline_of(const ReportedRun& run) {
                                   run.of_run(), record.faults.size(), record.verdicts.size()));
 }
 
+}  // namespace
+
+std::string run_timeline(const ReportedRun& run) { return timeline_of(run); }
+
+namespace {
+
 std::string estimate_text(const VerdictStretch& stretch) {
   std::vector<std::string> texts;
   const estimate_t& estimate = stretch.estimate;

@@ -116,7 +116,7 @@
         if (right >= left) context.fillRect(left, top, Math.max(right - left, 1), height);
       }
     };
-    paint(page.faults, style('--fault-band'), area.y, area.h);
+    paint(chart.faults || page.faults, style('--fault-band'), area.y, area.h);
     (chart.fired || []).forEach((ranges, run) => {
       paint(ranges, style(run === 1 ? '--run-b' : '--fired'), area.y + 5 * run, 4);
     });

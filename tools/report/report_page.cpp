@@ -16,17 +16,12 @@
 namespace faultline {
 namespace {
 
-std::vector<ReportedRun> evaluated(std::vector<RunRecord> records) {
+std::vector<ReportedRun> evaluated_runs(std::vector<RunRecord> records) {
   std::vector<ReportedRun> runs;
+  const bool are_two = records.size() > 1;
   for (RunRecord& record : records) {
-    ReportedRun run;
-    if (records.size() > 1) run.label = std::string(1, static_cast<char>('A' + runs.size()));
-    if (record.has_truth && record.cycles) {
-      run.truth = truth_stretches(record.faults, *record.cycles);
-      run.metrics = diagnosis_metrics(run.truth, record.verdicts);
-    }
-    run.record = std::move(record);
-    runs.push_back(std::move(run));
+    runs.push_back(evaluated(std::move(record)));
+    if (are_two) runs.back().label = runs.size() == 1 ? "A" : "B";
   }
   return runs;
 }
@@ -44,17 +39,11 @@ std::array<double, 2> window_s(const std::vector<ReportedRun>& runs) {
   return window.value_or(std::array<double, 2>{0.0, 1.0});
 }
 
-/// Stretches with faults, of the first run that knows them.
-std::vector<std::array<double, 2>> fault_stretches_s(const std::vector<ReportedRun>& runs) {
+/// Of the first run that knows its faults.
+std::vector<std::array<double, 2>> first_fault_stretches_s(const std::vector<ReportedRun>& runs) {
   for (const ReportedRun& run : runs) {
-    std::vector<CycleRange> ranges;
-    for (const TruthStretch& stretch : run.truth) {
-      if (!stretch.faults.empty()) ranges.push_back(stretch.cycles);
-    }
-    if (ranges.empty()) continue;
-    const double length_s = run.record.time_s(run.record.cycles->until - run.record.cycles->from);
-    constexpr double kLeastGap = 1.0 / 4000.0;
-    return stretches_s(ranges, run.record.sample_time_s, kLeastGap * length_s);
+    auto stretches = fault_stretches_s(run);
+    if (!stretches.empty()) return stretches;
   }
   return {};
 }
@@ -102,6 +91,27 @@ constexpr char kNavigation[] =
 
 }  // namespace
 
+ReportedRun evaluated(RunRecord record) {
+  ReportedRun run;
+  if (record.has_truth && record.cycles) {
+    run.truth = truth_stretches(record.faults, *record.cycles);
+    run.metrics = diagnosis_metrics(run.truth, record.verdicts);
+  }
+  run.record = std::move(record);
+  return run;
+}
+
+std::vector<std::array<double, 2>> fault_stretches_s(const ReportedRun& run) {
+  std::vector<CycleRange> ranges;
+  for (const TruthStretch& stretch : run.truth) {
+    if (!stretch.faults.empty()) ranges.push_back(stretch.cycles);
+  }
+  if (ranges.empty()) return {};
+  const double length_s = run.record.time_s(run.record.cycles->until - run.record.cycles->from);
+  constexpr double kLeastGap = 1.0 / 4000.0;
+  return stretches_s(ranges, run.record.sample_time_s, kLeastGap * length_s);
+}
+
 std::string html_page(const std::string& title, const std::string& body, const std::string& data) {
   const PageAssets& assets = page_assets();
   // Only scripts that carry this number run, whatever a name in a log tries: it depends on all that
@@ -122,7 +132,7 @@ std::string html_page(const std::string& title, const std::string& body, const s
 }
 
 std::string report_page(std::vector<RunRecord> records, const std::string& version) {
-  const std::vector<ReportedRun> runs = evaluated(std::move(records));
+  const std::vector<ReportedRun> runs = evaluated_runs(std::move(records));
   std::string name = runs.front().record.name();
   if (runs.size() > 1) name += " and " + runs[1].record.name();
   ChartData charts;
@@ -139,7 +149,7 @@ std::string report_page(std::vector<RunRecord> records, const std::string& versi
   body += bank_section(runs) + traffic_section(runs) + source_section(runs, version);
   body += "</main>\n";
   return html_page(name + " - fault diagnosis report", body,
-                   charts.json(window_s(runs), fault_stretches_s(runs)));
+                   charts.json(window_s(runs), first_fault_stretches_s(runs)));
 }
 
 }  // namespace faultline

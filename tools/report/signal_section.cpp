@@ -172,6 +172,20 @@ std::string residual_section(const std::vector<ReportedRun>& runs, ChartData& da
   return page + charts.add_to(data) + "</section>\n";
 }
 
+std::string residual_charts(const ReportedRun& run, const std::vector<std::string>& names,
+                            ChartData& data) {
+  ChartsByName charts;
+  for (const LoggedResidual& residual : run.record.residuals) {
+    const bool is_wanted =
+        names.empty() || std::find(names.begin(), names.end(), residual.name) != names.end();
+    if (!is_wanted) continue;
+    Chart& chart = charts.at(residual.name);
+    add_residual(chart, run, 0, residual);
+    chart.faults = fault_stretches_s(run);
+  }
+  return charts.add_to(data);
+}
+
 std::string signal_section(const std::vector<ReportedRun>& runs, ChartData& data) {
   return "<section id=\"signals\" aria-labelledby=\"signals-h\"><h2 id=\"signals-h\">Estimates, "
          "outputs, inputs</h2>\n" +
