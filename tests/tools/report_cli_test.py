@@ -15,7 +15,7 @@ import tempfile
 import time
 import unittest
 
-from faultline_program import Folder, FolderTest, decode, read_log
+from faultline_program import ROOT, Folder, FolderTest, decode, read_log
 
 TRUTH, RUN = "FAULTLINE_TRUTH", "FAULTLINE_RUN"
 CHROMIUM_S = 90  # takes 3 s on a quiet machine
@@ -268,6 +268,25 @@ class Report(FolderTest):
             content = file.read()
         self.assertTrue(content.startswith(b"%PDF"))
         self.assertGreater(len(re.findall(rb"/Type\s*/Page\b", content)), 2)
+
+    def test_papers_figures(self):
+        for example, count in (("hou2015", 14), ("ma2024", 5)):
+            out = self.folder.file(f"{example}.html")
+            subprocess.run([f"{ROOT}/examples/{example}/figures.sh", out], check=True, capture_output=True,
+                           env=self.folder.environment, timeout=120)
+            with open(out, encoding="utf-8") as file:
+                page = Page(file.read())
+            self.assertEqual(page.text.count("The paper says"), count)
+            self.assertEqual(page.misnested, [])
+            self.assertEqual(len(page.data["charts"]), 84 if example == "hou2015" else page.text.count("Largest value"))
+            self.assertIn("<canvas", self.dom(out))
+
+    def test_a_figures_file_is_read_strictly(self):
+        self.folder.write("figures.toml", 'title = "t"\nintroduction = "i"\n[[figure]]\ntitle = "f"\nlog = "x.lcm"\n'
+                                          'claim = "c"\ntruht = "t"\n')
+        answer = self.folder.run("report", ".", "--figures", "figures.toml", "-o", "out.html")
+        self.assert_code(2, answer)
+        self.assertIn("figures.toml:3", answer.err)
 
     # ------------------------------------------------------------------------------ an hour
 
