@@ -153,6 +153,14 @@ class Report(FolderTest):
         self.assertIn("Run B", page.text)
         self.assertEqual(page.misnested, [])
 
+    def test_the_files_of_a_split_log_are_one_run(self):
+        self.run_ok("run", "demo.toml", "--log", "s.lcm", "--log-split-time", "3", "--report", "s.html", "--quiet")
+        page = Page(self.folder.read("s.html").decode())
+        self.assertIn("1001 cycles", page.text)
+        files = [f"s-{number:04}.lcm" for number in (1, 2, 3, 4)]
+        self.assertEqual(self.report("--split", *files).data, page.data)
+        self.assert_code(2, self.folder.run("run", "demo.toml", "--no-log", "--report", "s.html"))
+
     # ------------------------------------------------------------------------------ bad input
 
     def test_a_real_unit_has_no_truth(self):
