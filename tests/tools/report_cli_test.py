@@ -15,7 +15,7 @@ import tempfile
 import time
 import unittest
 
-from faultline_program import Folder, FolderTest, decode, read_log
+from faultline_program import ROOT, Folder, FolderTest, decode, read_log
 
 TRUTH, RUN = "FAULTLINE_TRUTH", "FAULTLINE_RUN"
 CHROMIUM_S = 90  # takes 3 s on a quiet machine
@@ -153,6 +153,14 @@ class Report(FolderTest):
         self.assertIn("Run B", page.text)
         self.assertEqual(page.misnested, [])
 
+    def test_the_files_of_a_split_log_are_one_run(self):
+        self.run_ok("run", "demo.toml", "--log", "s.lcm", "--log-split-time", "3", "--report", "s.html", "--quiet")
+        page = Page(self.folder.read("s.html").decode())
+        self.assertIn("1001 cycles", page.text)
+        files = [f"s-{number:04}.lcm" for number in (1, 2, 3, 4)]
+        self.assertEqual(self.report("--split", *files).data, page.data)
+        self.assert_code(2, self.folder.run("run", "demo.toml", "--no-log", "--report", "s.html"))
+
     # ------------------------------------------------------------------------------ bad input
 
     def test_a_real_unit_has_no_truth(self):
@@ -268,6 +276,25 @@ class Report(FolderTest):
             content = file.read()
         self.assertTrue(content.startswith(b"%PDF"))
         self.assertGreater(len(re.findall(rb"/Type\s*/Page\b", content)), 2)
+
+    def test_papers_figures(self):
+        for example, count in (("hou2015", 14), ("ma2024", 5)):
+            out = self.folder.file(f"{example}.html")
+            subprocess.run([f"{ROOT}/examples/{example}/figures.sh", out], check=True, capture_output=True,
+                           env=self.folder.environment, timeout=120)
+            with open(out, encoding="utf-8") as file:
+                page = Page(file.read())
+            self.assertEqual(page.text.count("The paper says"), count)
+            self.assertEqual(page.misnested, [])
+            self.assertEqual(len(page.data["charts"]), 84 if example == "hou2015" else page.text.count("Largest value"))
+            self.assertIn("<canvas", self.dom(out))
+
+    def test_a_figures_file_is_read_strictly(self):
+        self.folder.write("figures.toml", 'title = "t"\nintroduction = "i"\n[[figure]]\ntitle = "f"\nlog = "x.lcm"\n'
+                                          'claim = "c"\ntruht = "t"\n')
+        answer = self.folder.run("report", ".", "--figures", "figures.toml", "-o", "out.html")
+        self.assert_code(2, answer)
+        self.assertIn("figures.toml:3", answer.err)
 
     # ------------------------------------------------------------------------------ an hour
 

@@ -25,12 +25,18 @@ std::string value_text(double value) {
   return std::isnan(value) ? std::string() : fmt::format(" {:.4g}", value);
 }
 
-/// A lane per target on which faults acted, in the order of their first.
+/// What the fault was, with its value where that is one: a sinusoid's is that of its last moment.
+std::string fault_words(const RecordedFault& fault) {
+  const std::string value = fault.kind == "sinusoid" ? std::string() : value_text(fault.value);
+  return fmt::format("{} {}{}", fault.target, fault.kind, value);
+}
+
+/// A lane per target and kind of faults, in the order of their first.
 std::vector<TimelineLane> truth_lanes(const ReportedRun& run, CycleRange cycles) {
   constexpr std::size_t kMostLanes = 24;
   std::vector<TimelineLane> lanes;
   for (const RecordedFault& fault : run.record.faults) {
-    const std::string name = "Truth: " + fault.target;
+    const std::string name = fmt::format("Truth: {} {}", fault.target, fault.kind);
     auto lane = std::find_if(lanes.begin(), lanes.end(),
                              [&](const TimelineLane& known) { return known.name == name; });
     if (lane == lanes.end()) {
@@ -40,9 +46,7 @@ std::vector<TimelineLane> truth_lanes(const ReportedRun& run, CycleRange cycles)
     const std::int64_t from = std::max(fault.from_cycle, cycles.from);
     const std::int64_t until = std::min(fault.until_cycle.value_or(cycles.until), cycles.until);
     if (from >= until) continue;
-    lane->bars.push_back({{from, until},
-                          fmt::format("{} {}{}", fault.target, fault.kind, value_text(fault.value)),
-                          "truth"});
+    lane->bars.push_back({{from, until}, fault_words(fault), "truth"});
   }
   return lanes;
 }
@@ -116,7 +120,8 @@ std::string injected_table(const ReportedRun& run) {
   HtmlTable table("Faults as injected" + run.of_run(),
                   {{"target"}, {"kind"}, {"value", true}, {"from", true}, {"to", true}});
   for (const RecordedFault& fault : record.faults) {
-    table.add({fault.target, fault.kind, value_text(fault.value),
+    table.add({fault.target, fault.kind,
+               fault.kind == "sinusoid" ? std::string() : value_text(fault.value),
                fmt::format("{:.6g} s", record.time_s(fault.from_cycle)),
                fault.until_cycle ? fmt::format("{:.6g} s", record.time_s(*fault.until_cycle))
                                  : "the end"});

@@ -161,8 +161,37 @@
       }
     });
     const rows = rowsOf(chart, shown, columnsOf(element));
+    options.valueRange = rangeOf(chart, rows, shown);
     const dygraph = new Dygraph(element, rows, options);
     charts.push({chart, element, dygraph});
+  }
+
+  // The lines in full, and of the thresholds what is nearest to zero: one that begins high above the
+  // residual, while the plant's state is not known, must not press the residual flat.
+  function rangeOf(chart, rows, window) {
+    if (chart.has_bands === true) return null;
+    let low = 0, high = 0;
+    const nearest = chart.series.map(() => Infinity);
+    for (const row of rows) {
+      if (row[0] < window[0] || row[0] > window[1]) continue;
+      chart.series.forEach((series, k) => {
+        const value = row[k + 1];
+        if (value === null || !Number.isFinite(value)) return;
+        if (series.role === 'threshold') {
+          if (Math.abs(value) < Math.abs(nearest[k])) nearest[k] = value;
+        } else {
+          low = Math.min(low, value);
+          high = Math.max(high, value);
+        }
+      });
+    }
+    for (const value of nearest) {
+      if (!Number.isFinite(value)) continue;
+      low = Math.min(low, value);
+      high = Math.max(high, value);
+    }
+    const margin = 0.06 * (high - low) || 1;
+    return [low === 0 ? 0 : low - margin, high + margin];
   }
 
   let isShowing = false;
@@ -183,10 +212,11 @@
     if (!(shown[1] > shown[0])) shown = whole.slice();
     isShowing = true;
     for (const {chart, element, dygraph} of charts) {
+      const rows = rowsOf(chart, shown, columnsOf(element));
       dygraph.updateOptions({
-        file: rowsOf(chart, shown, columnsOf(element)),
+        file: rows,
         dateWindow: shown.slice(),
-        valueRange: null,
+        valueRange: rangeOf(chart, rows, shown),
       });
     }
     isShowing = false;
