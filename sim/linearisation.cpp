@@ -5,8 +5,10 @@
 #include <cmath>
 #include <exception>
 #include <functional>
+#include <initializer_list>
 #include <limits>
 #include <span>
+#include <utility>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
@@ -32,6 +34,10 @@ constexpr int kMostIterations = 100;
 constexpr double kRest_per_s = 1e-9;
 // Below this nothing is left to be improved: rounding of f in units of sizes.
 constexpr double kRounding = 1e-14;
+// An entry that moves its row less than this part of what the row's largest does, by sizes, is what
+// rounding leaves of zero: a row is summed to 1e-16 of its largest terms, and differences over
+// steps of 5e-5 sizes make 1e-12 of that.
+constexpr double kNegligible = 1e-12;
 // Singular directions of the scaled Jacobian below this part of the largest are none.
 constexpr double kRankTolerance = 1e-10;
 
@@ -208,7 +214,8 @@ class EquilibriumSearch {
       z += part * direction;
       f = f_next;
     }
-    set_point(z);
+    // What rounding leaves of a zero.
+    set_point((z.cwiseAbs().array() < kRounding).select(0.0, z));
     report();
   }
 
@@ -297,6 +304,29 @@ void take_worst(const Jacobian& jacobian, Signals by, const Equations& at, const
   }
 }
 
+/// Sets to zero what rounding has left of an entry that is zero.
+void drop_rounding(const VectorXd& row_size,
+                   std::initializer_list<std::pair<Jacobian*, Signals>> all) {
+  const auto size_of = [](Signals by, Index j) {
+    const double size = by[static_cast<std::size_t>(j)].size;
+    return size > 0.0 ? size : 1.0;
+  };
+  for (Index i = 0; i < row_size.size(); ++i) {
+    double largest = 0.0;
+    for (const auto& [jacobian, by] : all) {
+      for (Index j = 0; j < jacobian->value.cols(); ++j) {
+        largest = std::max(largest, std::abs(jacobian->value(i, j)) * size_of(by, j));
+      }
+    }
+    for (const auto& [jacobian, by] : all) {
+      for (Index j = 0; j < jacobian->value.cols(); ++j) {
+        double& entry = jacobian->value(i, j);
+        if (std::abs(entry) * size_of(by, j) < kNegligible * largest) entry = 0.0;
+      }
+    }
+  }
+}
+
 void describe_channels(const Equations& at, PlantModel& model) {
   const auto units = [](Signals signals) {
     std::vector<std::string> texts;
@@ -378,10 +408,16 @@ Linearisation linearise(const faultline_plant_table& table, const LinearisationO
   EquilibriumSearch(at, options.hold).run();
   const VectorXd y = at.h();
   const Index n = at.x.size();
-  const Jacobian by_x = at.jacobian(at.x, at.states);
-  const Jacobian by_u = at.jacobian(at.u, at.inputs);
-  const Jacobian by_p = at.jacobian(at.p, at.parameters);
-  const Jacobian by_d = at.jacobian(at.d, at.disturbances);
+  Jacobian by_x = at.jacobian(at.x, at.states);
+  Jacobian by_u = at.jacobian(at.u, at.inputs);
+  Jacobian by_p = at.jacobian(at.p, at.parameters);
+  Jacobian by_d = at.jacobian(at.d, at.disturbances);
+  VectorXd row_size(n + y.size());
+  row_size << numbers(at.states, &faultline_plant_signal::size),
+      numbers(at.outputs, &faultline_plant_signal::size);
+  drop_rounding(
+      row_size,
+      {{&by_x, at.states}, {&by_u, at.inputs}, {&by_p, at.parameters}, {&by_d, at.disturbances}});
 
   Linearisation result;
   PlantModel& model = result.model;
@@ -396,8 +432,6 @@ Linearisation linearise(const faultline_plant_table& table, const LinearisationO
   model.y_operating = y;
   add_faults(at, by_p, result);
   add_disturbances(at, by_d, result);
-  VectorXd row_size(n + y.size());
-  row_size << *model.state_range, model.output_range;
   take_worst(by_x, at.states, at, row_size, result);
   take_worst(by_u, at.inputs, at, row_size, result);
   take_worst(by_p, at.parameters, at, row_size, result);

@@ -16,6 +16,9 @@ namespace faultline {
 /// node needs whole commands, a controller whole measurements. As a real unit does, it refuses
 /// frames whose checksum is wrong or whose alive counter repeated or left its sequence.
 ///
+/// A message that is slower than the cycle (N cycles) is waited for N, 2 N, .. cycles after its
+/// last frame; in the others its values are those of that frame.
+///
 /// Keeps the newest kSlots counters. Does not allocate after construction.
 class MessageAssembler {
  public:
@@ -42,14 +45,19 @@ class MessageAssembler {
     bool is_used = false;
     std::uint32_t counter = 0;
     std::size_t missing = 0;
-    std::vector<std::uint8_t> seen;  // per message
-    std::vector<double> values;      // per channel
+    std::vector<std::uint8_t> seen;    // per message
+    std::vector<std::uint8_t> is_due;  // per message
+    std::vector<double> values;        // per channel
   };
   Slot& open(std::uint32_t counter) noexcept;
+  [[nodiscard]] bool is_due(std::size_t message, std::uint32_t counter) const noexcept;
 
   const std::vector<MappedMessage>* messages_;
   std::vector<MessageIntegrity> integrity_;  // per message
   std::uint64_t refused_frames_ = 0;
+  std::vector<std::uint8_t> has_come_;  // per message
+  std::vector<std::uint32_t> came_in_;  // the newest counter that had it
+  std::vector<double> newest_;          // per channel
   std::array<Slot, kSlots> slots_;
 };
 

@@ -55,6 +55,7 @@ void PlantNode::on_cycle(std::uint32_t k, FrameSink& sink) noexcept {
     sink.send(frame);
   }
   for (std::size_t i = 0; i < sensor_protectors_.size(); ++i) {
+    if (k % map_->sensor_messages[i].cycles_per_frame != 0) continue;
     clamped_values_ += map_->sensor_messages[i].encode(y_, k, frame);
     sensor_protectors_[i].protect(frame);
     sink.send(frame);

@@ -30,7 +30,8 @@ struct PlantTruth {
 /// The unit under diagnosis: the plant with its actuators and sensors, as a state machine on a bus.
 /// It leads the cycle (docs/design.md, "The cycle"): at t_k it latches the newest complete command,
 /// sends SYNC with k and c_k, then the sensor frames of y_k, with the alive counters and checksums
-/// that the map asks for. Owns no socket, thread or clock.
+/// that the map asks for; a message that is slower than the cycle (N cycles) in cycles 0, N, 2 N,
+/// .. Owns no socket, thread or clock.
 class PlantNode {
  public:
   /// `map` and `schedule` must outlive the node. @pre the schedule's components are the plant's

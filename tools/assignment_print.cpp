@@ -16,6 +16,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kIndent = 13;
+// More rows of W say nothing to an eye; the data (--json) has them.
+constexpr Eigen::Index kFewRows = 2;
 
 std::string ratio_text(double ratio) {
   return std::isfinite(ratio) ? fmt::format("{:.4g}", ratio) : "misses a fault";
@@ -90,7 +92,7 @@ void print_assignments(std::FILE* out, const DesignResult& result) {
                existence.rank_C, existence.rank_CE, existence.rank_CW,
                existence.rank_C - existence.rank_CE, report.static_rows);
     print_wrapped(out, report.explanation, kIndent);
-    for (Eigen::Index i = 0; i < report.W.rows(); ++i) {
+    for (Eigen::Index i = 0; report.W.rows() <= kFewRows && i < report.W.rows(); ++i) {
       const Eigen::VectorXd w = report.W.row(i).transpose();
       fmt::print(out, "{:{}}w = ({:.5g})\n", "", kIndent, fmt::join(w.begin(), w.end(), ", "));
     }

@@ -41,6 +41,7 @@ int run_program(int argc, char** argv) {
   add_inject_command(program, exit_code);
   add_play_command(program, exit_code);
   add_replay_command(program, exit_code);
+  add_report_command(program, exit_code);
   add_design_command(program, exit_code);
   add_check_command(program, exit_code);
   add_info_command(program, exit_code);

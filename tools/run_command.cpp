@@ -33,6 +33,7 @@
 #include "tools/can/bus_session.h"
 #include "tools/cli.h"
 #include "tools/error_answer.h"
+#include "tools/report_command.h"
 #include "tools/run_suite.h"
 
 namespace faultline {
@@ -44,7 +45,7 @@ const std::map<std::string, OverrunPolicy> kOverrunPolicies{{"catch-up", Overrun
 
 struct RunArguments {
   std::vector<std::string> scenarios;
-  std::string plant_library, bus, log, log_folder, json, junit, lcm_url;
+  std::string plant_library, bus, log, log_folder, json, junit, lcm_url, report;
   double log_split_MB = 0.0, log_split_s = 0.0;
   std::size_t log_keep = 0;
   bool is_realtime = false;
@@ -136,6 +137,25 @@ LogSplit log_split(const RunArguments& arguments) {
   return split;
 }
 
+/// The files of the log that a run wrote.
+std::vector<std::string> log_files(const BenchOptions& options) {
+  if (!options.log_split.is_wanted()) return {options.log->string()};
+  std::vector<std::string> files;
+  const std::string stem = options.log->stem().string() + "-";
+  const std::filesystem::path folder =
+      options.log->has_parent_path() ? options.log->parent_path() : std::filesystem::path(".");
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    const bool is_of_run = name.rfind(stem, 0) == 0 &&
+                           entry.path().extension() == options.log->extension() &&
+                           name.find_first_not_of("0123456789", stem.size()) ==
+                               name.size() - options.log->extension().string().size();
+    if (is_of_run) files.push_back(entry.path().string());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
 /// All but where the log goes and who is told. Adds to the parts what the run alone knows.
 BenchOptions bench_options(const RunArguments& arguments, BenchInputs& inputs) {
   BenchOptions options;
@@ -181,6 +201,7 @@ int run_one(const RunArguments& arguments, ScenarioOutcome& outcome) {
   print_summary(human_output(arguments.json == "-" ? arguments.json : arguments.junit), inputs,
                 options, result);
   if (!arguments.json.empty()) write_json(summary_json(inputs, options, result), arguments.json);
+  if (!arguments.report.empty()) write_report({log_files(options)}, arguments.report);
   outcome.name = inputs.scenario.name;
   outcome.error = early_end_text(result);
   outcome.exit_code = exit_code_of(result);
@@ -213,6 +234,9 @@ int run_several(const RunArguments& arguments) {
   if (!arguments.log.empty()) {
     throw std::invalid_argument(
         "--log: found it with several scenarios, expected --log-dir, a folder for their logs");
+  }
+  if (!arguments.report.empty()) {
+    throw std::invalid_argument("--report: found it with several scenarios, expected one");
   }
   std::set<std::string> taken;
   SuiteOptions options;
@@ -304,7 +328,13 @@ void add_run_command(CLI::App& program, int& exit_code) {
       "Folder for logs, each called as its scenario; of several scenarios none is written without");
   folder->excludes(log);
   auto* no_log = command->add_flag("--no-log", arguments->has_no_log, "Write no log");
-  for (CLI::Option* option : {log, folder, split_size, split_time, keep}) no_log->excludes(option);
+  auto* report = command->add_option("--report", arguments->report,
+                                     "Also make a page of the run, from its log (`faultline "
+                                     "report`)");
+  report->type_name("F.html");
+  for (CLI::Option* option : {log, folder, split_size, split_time, keep, report}) {
+    no_log->excludes(option);
+  }
   command->add_option("--lcm", arguments->lcm_url,
                       "Also publish live, e.g. udpm://239.255.76.67:7667?ttl=0");
   command->add_flag("-q,--quiet", arguments->is_quiet, "No progress on stderr");

@@ -126,6 +126,9 @@ void print_scenario(std::FILE* out, const Scenario& scenario) {
   for (const auto& [channel, mapping] : scenario.signals) {
     fmt::print(out, "  signal {}\n", mapping_words(channel, mapping));
   }
+  for (const auto& [message, cycles] : scenario.rates) {
+    fmt::print(out, "  message {} every {} cycles\n", message, cycles);
+  }
   for (const TimelineEntry& entry : timeline_of(scenario)) {
     fmt::print(out, "  {}\n", entry.words);
   }

@@ -10,11 +10,13 @@ packages=(
   g++ libc6-dev binutils cmake ninja-build pkg-config
   # libraries
   liblcm-dev liblcm-bin libglib2.0-dev libeigen3-dev libboost-dev libtomlplusplus-dev
-  nlohmann-json3-dev libcli11-dev libfmt-dev libsdp-dev
+  nlohmann-json3-dev libcli11-dev libfmt-dev libsdp-dev libjs-dygraphs
   # tests and benchmarks
   libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev
   # interoperability tests and fuzzers
   python3-can python3-msgpack rt-tests clang libclang-rt-14-dev
+  # tests of the pages
+  chromium
   # a CAN bus anywhere
   can-utils iproute2 kmod procps python3 user-mode-linux util-linux
 )

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <string>
 
 #include <fmt/format.h>
 
@@ -10,6 +11,24 @@
 
 namespace faultline {
 namespace {
+
+// What may have been meant: the pole mirrored at the border of the stable region.
+std::string nearest_stable(std::complex<double> pole, bool is_discrete) {
+  if (pole == 0.0) {
+    return "; dead-beat, 0, is stable in the sampled domains only";
+  }
+  if (!is_discrete && pole.real() == 0.0) {
+    return "; an undamped pole never settles";
+  }
+  const std::complex<double> mirrored =
+      is_discrete ? 1.0 / std::conj(pole) : std::complex<double>(-pole.real(), pole.imag());
+  if (is_discrete && std::abs(mirrored) >= 1.0) {
+    return "; an undamped pole never settles";
+  }
+  return mirrored.imag() == 0.0
+             ? fmt::format("; did you mean {:.4g}?", mirrored.real())
+             : fmt::format("; did you mean {:.4g}{:+.4g}i?", mirrored.real(), mirrored.imag());
+}
 
 void check_poles(const BankRequest& request) {
   const bool is_discrete = is_sampled(request.domain);
@@ -29,10 +48,11 @@ void check_poles(const BankRequest& request) {
     const bool is_finite = std::isfinite(pole.real()) && std::isfinite(pole.imag());
     if (!is_finite || !(is_discrete ? std::abs(pole) < 1.0 : pole.real() < 0.0)) {
       throw request_error(request, "poles",
-                          fmt::format("found {}{:+}i, expected {}", pole.real(), pole.imag(),
+                          fmt::format("found {}{:+}i, expected {}{}", pole.real(), pole.imag(),
                                       is_discrete ? "poles inside the unit circle (domain = "
                                                     "\"sampled\": z plane)"
-                                                  : "negative real parts"));
+                                                  : "negative real parts",
+                                      is_finite ? nearest_stable(pole, is_discrete) : ""));
     }
     if (pole.imag() == 0.0) {
       continue;

@@ -179,7 +179,8 @@ class BankDesign {
 
   void note_weights(const GeometricQuotient& quotient) {
     if (!result_.assignments.empty()) {
-      result_.assignments.back().W = quotient.H.rowwise().normalized();
+      const MatrixXd W = quotient.H.rowwise().normalized();
+      result_.assignments.back().W = (W.array().abs() > kRoundingError).select(W, 0.0);
     }
   }
 

@@ -164,6 +164,13 @@ void apply_uncertainty(const Uncertainty& uncertainty, const std::vector<double>
     plant.A += delta[i] * uncertainty.delta_A[i];
     plant.B += delta[i] * uncertainty.delta_B[i];
   }
+  // What an actuator's fault adds goes through its column of B.
+  for (Fault& fault : plant.faults) {
+    const auto input = std::find(plant.input_names.begin(), plant.input_names.end(), fault.name);
+    if (fault.kind == FaultKind::kActuator && input != plant.input_names.end()) {
+      fault.state = plant.B.col(input - plant.input_names.begin());
+    }
+  }
 }
 
 }  // namespace faultline

@@ -15,7 +15,7 @@ namespace faultline {
 /// Why a sample is not to be trusted, or how it was made. Bits; a sample is good iff it has none of
 /// kBadSample.
 enum SampleFlag : std::uint32_t {
-  kSampleSensorMissing = 1u << 0,   ///< a sensor message of the cycle never came
+  kSampleSensorMissing = 1u << 0,   ///< a sensor message that was due in the cycle never came
   kSampleCommandMissing = 1u << 1,  ///< command c_k is unknown (no SYNC) or incomplete
   kSampleRepeated = 1u << 2,        ///< a message of this cycle came twice; the first one counts
   kSampleLate = 1u << 3,            ///< since the last sample, a message of a closed cycle came

@@ -23,7 +23,12 @@ Sampler::State::State(const SignalMap& signal_map)
       is_command_known(map.command_messages.empty() ||
                        (has_sync && map.sync->command_cycle && all_counted(map.command_messages))),
       is_by_bus_order(!has_sync || !is_command_known || !all_counted(map.sensor_messages)),
+      has_slow(
+          std::any_of(map.sensor_messages.begin(), map.sensor_messages.end(),
+                      [](const MappedMessage& message) { return message.cycles_per_frame > 1; })),
       watch(map),
+      has_come(map.sensor_messages.size()),
+      came_in(map.sensor_messages.size()),
       cycles(map),
       commands(map),
       newest_u(map.input_names.size()),
@@ -40,6 +45,7 @@ void Sampler::State::clear() noexcept {
   last_stamp = {};
   cycles.clear();
   commands.clear();
+  std::fill(has_come.begin(), has_come.end(), std::uint8_t{0});
   watch.reset();
   std::fill(newest_u.begin(), newest_u.end(), 0.0);
   std::fill(newest_u_is_fresh.begin(), newest_u_is_fresh.end(), std::uint8_t{0});
@@ -322,6 +328,7 @@ bool Sampler::State::advance_to(std::uint32_t cycle, bool may_reset,
 void Sampler::State::start_at(std::uint32_t cycle) noexcept {
   cycles.clear();
   commands.clear();
+  std::fill(has_come.begin(), has_come.end(), std::uint8_t{0});
   is_started = true;
   is_joining = true;
   has_used_command = has_closed_command = false;

@@ -41,6 +41,10 @@ struct SamplerCounters {
 /// cycles, or a SYNC more than kMaxBack behind, resets: what is open is dropped, and the next
 /// sample says kSampleReset.
 ///
+/// A sensor message that is slower than the cycle (MappedMessage::cycles_per_frame = N) is waited
+/// for, and its lack marks samples, from N cycles after its last frame on; in those before, its
+/// channels hold their values, with their age, and the sample is good.
+///
 /// Which cycle a frame is of: its counter mod 2^w is taken nearest to the newest cycle seen; k
 /// itself wraps at 2^32. A sensor message without counter is of the newest SYNC's cycle. c_k =
 /// kNoCommand: u = 0. Commands are remembered for kCommandDepth counters, the last one used for

@@ -33,8 +33,23 @@ bool Sampler::State::is_skipped_at_start(bool complete) noexcept {
 }
 
 bool Sampler::State::is_complete(const CycleSlot& slot) noexcept {
-  return (slot.has_sync || !has_sync) && slot.arrived_count == map.sensor_messages.size() &&
-         is_command_complete(slot);
+  return (slot.has_sync || !has_sync) && have_sensors_come(slot) && is_command_complete(slot);
+}
+
+bool Sampler::State::have_sensors_come(const CycleSlot& slot) const noexcept {
+  if (slot.arrived_count == map.sensor_messages.size()) return true;
+  if (!has_slow) return false;
+  for (std::size_t i = 0; i < map.sensor_messages.size(); ++i) {
+    if (slot.arrived[i] == 0 && is_due(i, slot.counter)) return false;
+  }
+  return true;
+}
+
+/// Whether the message's last value is too old for `cycle`, the next to close. Counted from its
+/// last frame: a unit sends in cycles of its own choice.
+bool Sampler::State::is_due(std::size_t sensor_message, std::uint32_t cycle) const noexcept {
+  return has_come[sensor_message] == 0 ||
+         cycle - came_in[sensor_message] >= map.sensor_messages[sensor_message].cycles_per_frame;
 }
 
 bool Sampler::State::is_command_complete(const CycleSlot& slot) noexcept {
@@ -62,9 +77,15 @@ void Sampler::State::close(CycleSlot* slot) noexcept {
     if (sample.blame.fault == MessageFault::kNone) {
       sample.blame = {Blame::kNoMessage, MessageFault::kMissing};
     }
-    counters.missing_messages += map.sensor_messages.size() + (has_sync ? 1u : 0u);
-    for (std::size_t i = 0; i < map.sensor_messages.size(); ++i) watch.note_missing(i);
-    if (has_sync) watch.note_missing(sync_index());
+    for (std::size_t i = 0; i < map.sensor_messages.size(); ++i) {
+      if (!is_due(i, sample.cycle)) continue;
+      ++counters.missing_messages;
+      watch.note_missing(i);
+    }
+    if (has_sync) {
+      ++counters.missing_messages;
+      watch.note_missing(sync_index());
+    }
   } else {
     sample.flags |= slot->flags;
     if (sample.blame.fault == MessageFault::kNone) sample.blame = slot->blame;
@@ -100,7 +121,12 @@ void Sampler::State::close_outputs(const CycleSlot& slot) noexcept {
     blame_missing(sync_index());
   }
   for (std::size_t i = 0; i < map.sensor_messages.size(); ++i) {
-    if (slot.arrived[i] != 0) continue;
+    if (slot.arrived[i] != 0) {
+      has_come[i] = 1;
+      came_in[i] = sample.cycle;
+      continue;
+    }
+    if (!is_due(i, sample.cycle)) continue;
     sample.flags |= kSampleSensorMissing;
     ++counters.missing_messages;
     watch.note_missing(i);

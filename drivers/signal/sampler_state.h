@@ -65,6 +65,8 @@ struct Sampler::State {
 
   // Closing.
   [[nodiscard]] bool is_complete(const CycleSlot& slot) noexcept;
+  [[nodiscard]] bool have_sensors_come(const CycleSlot& slot) const noexcept;
+  [[nodiscard]] bool is_due(std::size_t sensor_message, std::uint32_t cycle) const noexcept;
   [[nodiscard]] bool is_command_complete(const CycleSlot& slot) noexcept;
   [[nodiscard]] bool must_close() const noexcept;
   [[nodiscard]] bool is_skipped_at_start(bool complete) noexcept;
@@ -87,6 +89,7 @@ struct Sampler::State {
   const bool is_cycle_counted;  ///< SYNC or every sensor message tells the cycle
   const bool is_command_known;  ///< SYNC tells c_k, and every command message its counter
   const bool is_by_bus_order;   ///< what kSampleBusOrder says
+  const bool has_slow;          ///< a sensor message is slower than the cycle
 
   MessageWatch watch;
 
@@ -99,6 +102,8 @@ struct Sampler::State {
   std::uint32_t pending_flags = 0;  ///< for the next sample to close
   Blame pending_blame;
   Timestamp last_stamp{};
+  std::vector<std::uint8_t> has_come;  ///< per sensor message, in a closed cycle since the start
+  std::vector<std::uint32_t> came_in;  ///< the newest such cycle
 
   SlotRing<CycleSlot, kOpenCycles> cycles;
   SlotRing<CommandSlot, kCommandDepth> commands;

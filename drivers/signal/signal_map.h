@@ -62,6 +62,9 @@ struct MappedMessage {
   /// Role `cycle`: k mod 2^w (sensor messages), command counter mod 2^w (command messages), w >= 4.
   std::optional<SignalCodec> cycle;
   MessageProtection protection;  ///< alive counter and checksum, if it has them
+  /// Cycles from one frame to the next: 1, or more for a sensor message that is slower than the
+  /// cycle. Between its frames its channels hold their values.
+  std::uint32_t cycles_per_frame = 1;
 
   [[nodiscard]] bool matches(const CanFrame& frame) const noexcept {
     return frame.id == id && frame.is_extended == is_extended && frame.bus == bus &&

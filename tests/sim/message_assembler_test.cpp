@@ -61,6 +61,51 @@ TEST_F(MessageAssemblerTest, IgnoresRepeatsOthersAndShortPayloads) {
   EXPECT_EQ(assembler_.values(5)[0], 1.0);
 }
 
+// Message 1 comes in cycles 0, 3, 6, ..: elsewhere the other one completes the counter.
+TEST_F(MessageAssemblerTest, WaitsForAMessageThatIsSlowerThanTheCycleOnlyWhereItIsDue) {
+  map_.sensor_messages[1].cycles_per_frame = 3;
+  MessageAssembler assembler(map_.sensor_messages, 2);
+  for (std::uint32_t k = 0; k < 30; ++k) {
+    const double now = k;
+    const auto first = assembler.push(sensor(0, k, now, 0.0), k);
+    if (k % 3 == 0) {
+      EXPECT_FALSE(first) << k;
+      EXPECT_EQ(assembler.push(sensor(1, k, 0.0, now), k), k);
+    } else {
+      EXPECT_EQ(first, k);
+    }
+    EXPECT_EQ(assembler.values(k)[0], now);
+    EXPECT_EQ(assembler.values(k)[1], k - k % 3);
+  }
+}
+
+TEST_F(MessageAssemblerTest, GoesOnWithoutAFrameThatIsLostOfASlowMessage) {
+  map_.sensor_messages[1].cycles_per_frame = 3;
+  MessageAssembler assembler(map_.sensor_messages, 2);
+  for (std::uint32_t k = 0; k < 12; ++k) {
+    const bool has_slow = k % 3 == 0 && k != 6;
+    auto completed = assembler.push(sensor(0, k, k, 0.0), k);
+    if (has_slow) completed = assembler.push(sensor(1, k, 0.0, k), k);
+    EXPECT_EQ(completed.has_value(), k != 6) << k;
+  }
+  EXPECT_EQ(assembler.values(11)[1], 9.0);
+}
+
+TEST_F(MessageAssemblerTest, FindsASlowMessageAgainWhenItsUnitStartsAgain) {
+  map_.sensor_messages[1].cycles_per_frame = 3;
+  MessageAssembler assembler(map_.sensor_messages, 2);
+  const auto cycle = [&](std::uint32_t k) {
+    auto completed = assembler.push(sensor(0, k, k, 0.0), k);
+    if (k % 3 == 0 && !completed)
+      completed = assembler.push(sensor(1, k, 0.0, k), k);
+    else if (k % 3 == 0)
+      assembler.push(sensor(1, k, 0.0, k), k);
+    return completed.has_value();
+  };
+  for (std::uint32_t k = 0; k < 50; ++k) ASSERT_TRUE(cycle(k));
+  for (std::uint32_t k = 0; k < 50; ++k) EXPECT_TRUE(cycle(k)) << k;
+}
+
 TEST(MessageAssembler, RefusesWhatIsProtectedAndWrong) {
   const SignalMap map = protected_double_integrator_map();
   MessageAssembler assembler(map.command_messages, 1);

@@ -77,7 +77,8 @@ class Examples(JinTest):
     def test_refuses_what_cannot_be_asked(self):
         for old, new, expected in (
                 ('decouple      = ["friction"]', 'decouple      = ["frition"]', 'did you mean "friction"?'),
-                ("poles         = [-50, -55, -60, -65]", "poles = [-50, 0, -60, -65]", "negative real parts"),
+                ("poles         = [-50, -55, -60, -65]", "poles = [-50, 0, -60, -65]", "dead-beat, 0, is stable in the sampled"),
+                ("poles         = [-50, -55, -60, -65]", "poles = [-50, 55, -60, -65]", "did you mean -55?"),
                 ("poles         = [-50, -55, -60, -65]", "poles = [[-50, 3], -60, -65]", "conjugate"),
                 ("[decision]", "[eigenstructure]\nassignment = \"up\"\n[decision]", '"best"'),
                 ("[decision]", "[eigenstructure]\nweaken = [\"friction\"]\n[decision]", "twice")):

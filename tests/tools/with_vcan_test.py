@@ -25,6 +25,12 @@ PYTHON = ("/usr/bin/python3", "-IS", "-c")
 place = None  # the world-readable folder of this run
 
 
+def copy_init(source, folder):
+    """The guest's init, and what is preloaded into linux.uml on newer processors, which is found beside it."""
+    shutil.copy(source, f"{folder}/vcan-init")
+    shutil.copy(os.path.join(os.path.dirname(os.path.realpath(source)), "vcan-uml-xstate.so"), folder)
+
+
 def setUpModule():
     global place
     place = tempfile.mkdtemp(prefix="with-vcan-test.")
@@ -32,7 +38,7 @@ def setUpModule():
     os.mkdir(f"{place}/tools")
     os.mkdir(f"{place}/stand-in")
     shutil.copy(f"{ROOT}/tools/with-vcan", f"{place}/tools/with-vcan")
-    shutil.copy(os.environ["WITH_VCAN_INIT"], f"{place}/vcan-init")
+    copy_init(os.environ["WITH_VCAN_INIT"], place)
     for name in ("tmp", "work"):
         os.mkdir(f"{place}/{name}")
         os.chmod(f"{place}/{name}", 0o1777)
@@ -508,7 +514,7 @@ print(resource.getrlimit(resource.RLIMIT_RTPRIO)[0], resource.getrlimit(resource
     def test_a_path_with_spaces_is_no_obstacle(self):
         folder = f"{self.work}/a b"
         os.mkdir(folder)
-        shutil.copy(f"{place}/vcan-init", f"{folder}/vcan-init")
+        copy_init(f"{place}/vcan-init", folder)
         self.expect(["--init", f"{folder}/vcan-init", "--", "echo", "ok"], 0, b"ok\n")
 
     def test_a_guest_that_dies_is_reported_with_its_console(self):
@@ -580,7 +586,9 @@ class Refusals(WithVcan):
     def test_the_newest_init_of_the_build_folders_is_found(self):
         for age, name in enumerate(("new", "old")):
             os.makedirs(f"{place}/build/{name}/bin")
-            shutil.copy(f"{place}/vcan-init" if name == "new" else "/bin/false", f"{place}/build/{name}/bin/vcan-init")
+            copy_init(f"{place}/vcan-init", f"{place}/build/{name}/bin")
+            if name == "old":
+                shutil.copy("/bin/false", f"{place}/build/{name}/bin/vcan-init")
             os.utime(f"{place}/build/{name}/bin/vcan-init", (1e9 - age, 1e9 - age))
         self.addCleanup(shutil.rmtree, f"{place}/build")
         environment = self.environment()

@@ -169,7 +169,9 @@ void check_cycles_can_be_told(const DbcDatabase& dbc, const SignalMap& map) {
 /// A mapping that names no signal of the DBC is the scenario's mistake: the message points there.
 SignalMap map_signals(const Scenario& scenario, const DbcDatabase& dbc, const PlantModel& plant) {
   try {
-    return make_signal_map(dbc, plant.output_names, plant.input_names, scenario.signals);
+    SignalMap map = make_signal_map(dbc, plant.output_names, plant.input_names, scenario.signals);
+    set_rates(scenario, map);
+    return map;
   } catch (const SignalMapError& error) {
     if (error.mapped_channel().empty()) throw;
     throw scenario_error(scenario, "signals", error.mapped_channel(),

@@ -19,7 +19,7 @@ std::string sets_words(const Expectation& expectation) {
 
 std::string verdict_words(const Expectation& expectation, Verdict verdict) {
   std::string words(verdict_name(verdict));
-  if (verdict == Verdict::kIsolated)
+  if (verdict == Verdict::kIsolated && !expectation.faults.empty())
     words += fmt::format(" {}", fmt::join(expectation.faults, ", "));
   if (verdict == Verdict::kAmbiguous && !expectation.sets.empty()) {
     words += " " + sets_words(expectation);

@@ -18,12 +18,13 @@ struct ExpectedEstimate {
 /// What the diagnosis must answer from from_s to until_s, both included: [[expect]] of a scenario.
 ///
 /// At every sample of the stretch, or of what is left of it `within_s` after its begin, the verdict
-/// is one of `verdicts`; isolated means exactly `faults`, ambiguous means `sets`.
+/// is one of `verdicts`; isolated means exactly `faults` (any if there are none), ambiguous means
+/// `sets`.
 struct Expectation {
   double from_s = 0.0;
   double until_s = 0.0;
   std::vector<Verdict> verdicts;               ///< those allowed; never empty
-  std::vector<std::string> faults;             ///< of isolated; sorted
+  std::vector<std::string> faults;             ///< of isolated; sorted; empty: any
   std::vector<std::vector<std::string>> sets;  ///< of ambiguous; each sorted, and their list
   bool may_have_more_sets = false;             ///< `sets` are among those found
   std::optional<double> within_s;              ///< the verdict must stand so long after from_s

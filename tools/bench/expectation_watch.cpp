@@ -34,7 +34,9 @@ ExpectationWatch::ExpectationWatch(Expectation expectation)
 
 bool ExpectationWatch::agrees(const DiagnosisRecord& record, const VerdictEntry& now) const {
   if (!expectation_.allows(now.verdict)) return false;
-  if (now.verdict == Verdict::kIsolated) return now.sets.front() == expectation_.faults;
+  if (now.verdict == Verdict::kIsolated) {
+    return expectation_.faults.empty() || now.sets.front() == expectation_.faults;
+  }
   if (now.verdict != Verdict::kAmbiguous || expectation_.sets.empty()) return true;
   const bool has_right_count =
       expectation_.may_have_more_sets || record.decision.set_count == expectation_.sets.size();

@@ -187,8 +187,11 @@ class LockStep {
       if (is_sent_again_ && may_withhold()) return true;  // what still comes, nobody can tell
       run_.stop({StopReason::Kind::kBus,
                  fmt::format("no complete command answered cycle {} within {} s: frames are lost, "
-                             "or {} is down",
-                             k, kAnswerTimeout.count(), run_.buses.plant->name())});
+                             "or {} is down{}",
+                             k, kAnswerTimeout.count(), run_.buses.plant->name(),
+                             run_.inputs.scenario.controller.kind == ControllerKind::kExternal
+                                 ? ", or the external controller does not run"
+                                 : "")});
       return false;
     }
     return true;

@@ -23,10 +23,15 @@ bool is_frame_of(const SignalMap& map, std::size_t message, const CanFrame& fram
 
 MessageSilence::MessageSilence(const SignalMap& map, const std::vector<std::size_t>& messages,
                                std::chrono::nanoseconds period)
-    : map_(&map),
-      limit_(std::max<std::chrono::nanoseconds>(kMissedPeriods * period, kLeastLimit)),
-      messages_(messages.size()) {
-  for (std::size_t i = 0; i < messages.size(); ++i) messages_[i].index = messages[i];
+    : map_(&map), messages_(messages.size()) {
+  for (std::size_t i = 0; i < messages.size(); ++i) {
+    const std::uint32_t cycles = messages[i] < map.sensor_messages.size()
+                                     ? map.sensor_messages[messages[i]].cycles_per_frame
+                                     : 1;
+    messages_[i].index = messages[i];
+    messages_[i].limit =
+        std::max<std::chrono::nanoseconds>(kMissedPeriods * cycles * period, kLeastLimit);
+  }
 }
 
 void MessageSilence::count(const CanFrame& frame) noexcept {
@@ -51,7 +56,7 @@ std::vector<MessageSilence::Report> MessageSilence::look(Time now) {
     if (has_come && message.is_missed) {
       back.push_back(map_->message_name(message.index));
       away_for = std::max(away_for, silence);
-    } else if (!has_come && !message.is_missed && silence > limit_) {
+    } else if (!has_come && !message.is_missed && silence > message.limit) {
       missed.push_back(map_->message_name(message.index));
       missed_for = std::max(missed_for, silence);
       message.is_missed = true;

@@ -24,7 +24,8 @@ class MessageSilence {
   };
 
   /// @param messages that are listened for, by their index in `map`, which must outlive this. One
-  ///   is missed when it has not come for 20 periods, and for half a second at least.
+  ///   is missed when it has not come for 20 of its own periods (`period`, or several of them where
+  ///   it is slower than the cycle), and for half a second at least.
   MessageSilence(const SignalMap& map, const std::vector<std::size_t>& messages,
                  std::chrono::nanoseconds period);
 
@@ -44,10 +45,10 @@ class MessageSilence {
     std::uint64_t seen = 0;  ///< of these, at the last look
     Time last{};             ///< when they were last seen to grow
     bool is_missed = false;
+    std::chrono::nanoseconds limit{0};
   };
 
   const SignalMap* map_;
-  std::chrono::nanoseconds limit_;
   std::vector<Message> messages_;
   bool is_begun_ = false;
   std::uint64_t silences_ = 0;

@@ -109,6 +109,7 @@ Scenario scenario_of(TomlTable root, const std::filesystem::path& file,
       scenario.signals.emplace(channel, read_mapping(*signals, channel));
     }
   }
+  if (auto rates = root.optional_table("rates")) scenario.rates = read_rates(*rates);
   root.finish();
   return scenario;
 }

@@ -94,7 +94,8 @@ struct Scenario {
   std::vector<Perturbation> disturbances, noises;
   std::vector<Expectation> expectations;
   std::map<std::string, ChannelMapping, std::less<>> signals;
-  std::string text;                    ///< the file, whole
+  std::map<std::string, std::uint32_t, std::less<>> rates;  ///< message: cycles per frame
+  std::string text;                                         ///< the file, whole
   std::vector<IncludedText> includes;  ///< the files that it includes, at whatever depth
   std::optional<TomlTable> tables;     ///< file and includes in one, to point at what is wrong
 };
@@ -115,5 +116,10 @@ struct Scenario {
 [[nodiscard]] InputError scenario_error(const Scenario& scenario, std::string_view table,
                                         std::string_view key, const std::string& text,
                                         std::optional<std::size_t> entry = std::nullopt);
+
+/// Sets MappedMessage::cycles_per_frame of the messages in [rates].
+/// @throws InputError no sensor message of `map` (the nearest name); all of them slower than the
+///   cycle.
+void set_rates(const Scenario& scenario, SignalMap& map);
 
 }  // namespace faultline

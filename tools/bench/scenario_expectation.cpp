@@ -115,6 +115,8 @@ void require_verdict(const TomlTable& table, const Expectation& expectation, std
 void read_faults(TomlTable& table, Expectation& expectation) {
   if (table.has("faults")) require_verdict(table, expectation, "faults", Verdict::kIsolated);
   if (!expectation.allows(Verdict::kIsolated)) return;
+  // Beside others, isolated may stay open: what matters is then that the fault is seen.
+  if (expectation.verdicts.size() > 1 && !table.has("faults")) return;
   expectation.faults = sorted_set(table, "faults", table.strings("faults"));
 }
 
@@ -215,7 +217,9 @@ bool has_common(const std::vector<std::string>& a, const std::vector<std::string
 
 bool can_agree_on(Verdict verdict, const Expectation& a, const Expectation& b) {
   if (!a.allows(verdict) || !b.allows(verdict)) return false;
-  if (verdict == Verdict::kIsolated) return a.faults == b.faults;
+  if (verdict == Verdict::kIsolated) {
+    return a.faults.empty() || b.faults.empty() || a.faults == b.faults;
+  }
   if (verdict == Verdict::kAmbiguous && !a.sets.empty() && !b.sets.empty()) {
     const auto holds = [](const Expectation& exact, const Expectation& other) {
       return exact.may_have_more_sets || std::includes(exact.sets.begin(), exact.sets.end(),

@@ -47,10 +47,10 @@ TomlKind kind_of_toml(const std::filesystem::path& file) {
   if (root.has("name") && (root.has("duration_s") || root.has("include"))) {
     return TomlKind::kScenario;
   }
-  constexpr std::array kKeysOfParts = {"plant",  "bank",       "dbc",          "bus",
-                                       "seed",   "duration_s", "include",      "simulation",
-                                       "fault",  "controller", "disturbance",  "noise",
-                                       "expect", "signals",    "initial_state"};
+  constexpr std::array kKeysOfParts = {"plant",  "bank",       "dbc",           "bus",
+                                       "seed",   "duration_s", "include",       "simulation",
+                                       "fault",  "controller", "disturbance",   "noise",
+                                       "expect", "signals",    "initial_state", "rates"};
   const bool is_part =
       !root.has("name") && std::any_of(kKeysOfParts.begin(), kKeysOfParts.end(),
                                        [&](const char* key) { return root.has(key); });

@@ -17,6 +17,8 @@ namespace faultline {
 [[nodiscard]] ReferenceStepSpec read_reference_step(TomlTable table,
                                                     const ControllerSpec& controller);
 [[nodiscard]] Perturbation read_perturbation(TomlTable table, const std::filesystem::path& folder);
+/// [rates]: cycles per frame, by message.
+[[nodiscard]] std::map<std::string, std::uint32_t, std::less<>> read_rates(TomlTable table);
 [[nodiscard]] Expectation read_expectation(TomlTable table, double duration_s);
 
 /// Whether no verdict can meet both: they overlap in time, and what one allows the other forbids.

@@ -87,6 +87,11 @@ ReplayInputs other_inputs(const ReplayOptions& options, const std::vector<RunPar
   ReplayInputs inputs =
       of_diagnosis(make_diagnosis_inputs(std::move(bank), *dbc, dbc_source, mappings));
   if (!own) return inputs;
+  // A bank with fewer outputs may listen to fewer messages.
+  for (MappedMessage& message : inputs.map.sensor_messages) {
+    const auto rate = own->scenario.rates.find(message.name);
+    if (rate != own->scenario.rates.end()) message.cycles_per_frame = rate->second;
+  }
   inputs.scenario = own->scenario;
   inputs.schedule = own->schedule;
   inputs.is_initial_state_known = own->is_initial_state_known;

@@ -25,7 +25,7 @@ std::string plant_with(const std::string& uncertainty,
          "[inputs]\nnames = [\"u1\"]\nrange = [10]\n"
          "[outputs]\nnames = [\"y1\", \"y2\"]\n"
          "[dynamics]\nA = [[-1, 0], [1, -2]]\nB = [[1], [0]]\nC = [[1, 0], [0, 1]]\n"
-         "[faults]\nsensors = \"all\"\n"
+         "[faults]\nactuators = \"all\"\nsensors = \"all\"\n"
          "[[disturbance]]\nname = \"d1\"\nstate = [1, 1]\n" +
          uncertainty;
 }
@@ -102,6 +102,8 @@ TEST(Uncertainty, MakesThePlantThatIsSimulated) {
   EXPECT_DOUBLE_EQ(plant.A(0, 1), 0.25);
   EXPECT_DOUBLE_EQ(plant.A(1, 1), -2.25);
   EXPECT_DOUBLE_EQ(plant.B(0, 0), 1.0625);
+  ASSERT_EQ(plant.faults[0].kind, FaultKind::kActuator);
+  EXPECT_EQ(plant.faults[0].state, plant.B.col(0));
 }
 
 TEST(Uncertainty, SurvivesThePlantsText) {

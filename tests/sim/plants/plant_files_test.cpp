@@ -119,14 +119,26 @@ TEST_P(PlantFile, HasAFaultForEachParameterWithASize) {
   EXPECT_EQ(found, faults.size());
 }
 
-TEST_P(PlantFile, HasEachDisturbanceWithItsBound) {
-  ASSERT_EQ(model_.disturbances.size(), table_.disturbance_count);
+// What acts on outputs alone is noise.
+TEST_P(PlantFile, HasEachDisturbanceAndNoiseWithItsBound) {
+  ASSERT_EQ(model_.disturbances.size() + model_.noises.size(), table_.disturbance_count);
+  std::size_t disturbances = 0;
   for (std::size_t i = 0; i < table_.disturbance_count; ++i) {
-    const Disturbance& disturbance = model_.disturbances[i];
-    EXPECT_EQ(disturbance.name, table_.disturbances[i].name);
-    EXPECT_EQ(disturbance.bound, table_.disturbances[i].size);
-    expect_slopes(point_.d, static_cast<Index>(i), table_.disturbances[i].size, disturbance.state,
-                  disturbance.output, disturbance.name);
+    const PlantSignal& signal = table_.disturbances[i];
+    Disturbance found;
+    if (disturbances < model_.disturbances.size() &&
+        model_.disturbances[disturbances].name == signal.name) {
+      found = model_.disturbances[disturbances++];
+      EXPECT_FALSE(found.state.isZero(0.0)) << signal.name;
+    } else {
+      ASSERT_LT(i - disturbances, model_.noises.size()) << signal.name;
+      const Noise& noise = model_.noises[i - disturbances];
+      found = {noise.name, VectorXd::Zero(model_.n()), noise.output, noise.bound};
+    }
+    EXPECT_EQ(found.name, signal.name);
+    EXPECT_EQ(found.bound, signal.size);
+    expect_slopes(point_.d, static_cast<Index>(i), signal.size, found.state, found.output,
+                  found.name);
   }
 }
 

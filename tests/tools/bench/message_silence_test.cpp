@@ -54,6 +54,17 @@ TEST(MessageSilence, SaysOnceWhatIsMissedAndOnceThatItIsBack) {
   EXPECT_EQ(silence.silences(), 2U);
 }
 
+TEST(MessageSilence, MessagesSlowerThanTheCycleAreGivenTwentyOfTheirOwnPeriods) {
+  SignalMap map = three_messages();
+  map.sensor_messages[1].cycles_per_frame = 10;
+  MessageSilence silence(map, messages_of_plant(map), kPeriod);
+  const MessageSilence::Time begin{};
+  EXPECT_THAT(texts(silence.look(begin)), IsEmpty());
+  EXPECT_THAT(texts(silence.look(begin + milliseconds(600))), ElementsAre("no S1 for 0.60 s"));
+  EXPECT_THAT(texts(silence.look(begin + milliseconds(1900))), IsEmpty());
+  EXPECT_THAT(texts(silence.look(begin + milliseconds(2100))), ElementsAre("no S2 for 2.10 s"));
+}
+
 TEST(MessageSilence, SlowBenchesAreGivenTwentyPeriods) {
   const SignalMap map = three_messages();
   MessageSilence silence(map, messages_of_controller(map), milliseconds(100));

@@ -243,6 +243,14 @@ TEST_F(ScenarioTest, LeavesOutTheVerdictWhereTheRestSaysIt) {
   EXPECT_EQ(expectation_words(sets.expectations[0]), "1 .. 2 s  ambiguous a among others");
 }
 
+TEST_F(ScenarioTest, LeavesOpenWhatIsIsolatedBesideOtherVerdicts) {
+  const Scenario any = read(expect("verdict = [\"ambiguous\", \"isolated\"]") +
+                            expect("verdict = \"isolated\"\nfaults = [\"u1\"]"));
+  EXPECT_TRUE(any.expectations[0].faults.empty());
+  EXPECT_EQ(expectation_words(any.expectations[0]), "1 .. 2 s  isolated or ambiguous");
+  EXPECT_EQ(any.expectations.size(), 2U) << "they do not contradict each other";
+}
+
 TEST_F(ScenarioTest, RefusesWhatNoDiagnosisCanMeet) {
   const std::vector<std::pair<std::string, std::string>> cases = {
       {"faults = [\"u1\"]", "expect, entry 1.verdict: found nothing"},
