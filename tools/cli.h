@@ -48,6 +48,7 @@ void write_to(const std::string& target, const std::function<void(std::FILE*)>& 
 
 /// Each command adds itself to the program; `exit_code` is what it answered.
 void add_check_command(CLI::App& program, int& exit_code);
+void add_dash_command(CLI::App& program, int& exit_code);
 void add_diagnose_command(CLI::App& program, int& exit_code);
 void add_design_command(CLI::App& program, int& exit_code);
 void add_doctor_command(CLI::App& program, int& exit_code);
@@ -57,6 +58,7 @@ void add_report_command(CLI::App& program, int& exit_code);
 void add_run_command(CLI::App& program, int& exit_code);
 void add_info_command(CLI::App& program, int& exit_code);
 void add_linearise_command(CLI::App& program, int& exit_code);
+void add_watch_command(CLI::App& program, int& exit_code);
 void add_unknown_inputs_command(CLI::App& program, int& exit_code);
 
 }  // namespace faultline

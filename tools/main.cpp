@@ -51,6 +51,8 @@ int run_program(int argc, char** argv) {
   add_can_command(program, exit_code);
   add_decode_command(program, exit_code);
   add_doctor_command(program, exit_code);
+  add_dash_command(program, exit_code);
+  add_watch_command(program, exit_code);
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
