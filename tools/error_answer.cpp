@@ -11,6 +11,7 @@
 #include "drivers/signal/message_protection.h"
 #include "drivers/signal/signal_map.h"
 #include "tools/bench/bench_inputs.h"
+#include "tools/campaign/campaign_database.h"
 #include "tools/can/frame_log.h"
 #include "tools/cli.h"
 #include "tools/lcm/message_sink.h"
@@ -37,6 +38,8 @@ ErrorAnswer answer_current_exception() {
   } catch (const BusError& error) {
     return {error.what(), kExitFailure};
   } catch (const MessageSinkError& error) {
+    return {error.what(), kExitFailure};
+  } catch (const DatabaseError& error) {
     return {error.what(), kExitFailure};
   } catch (const OutputError& error) {
     return {error.what(), kExitFailure};

@@ -11,6 +11,7 @@ packages=(
   # libraries
   liblcm-dev liblcm-bin libglib2.0-dev libeigen3-dev libboost-dev libtomlplusplus-dev
   nlohmann-json3-dev libcli11-dev libfmt-dev libsdp-dev libjs-dygraphs
+  libsqlite3-dev libopenmpi-dev openmpi-bin
   # tests and benchmarks
   libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev
   # interoperability tests and fuzzers

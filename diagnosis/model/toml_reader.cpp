@@ -5,6 +5,7 @@
 #include <cmath>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 #include <system_error>
 #include <utility>
 
@@ -408,6 +409,23 @@ bool TomlTable::is_table(std::string_view key) const {
 bool TomlTable::is_list(std::string_view key) const {
   const toml::node* value = node_->table->get(key);
   return value != nullptr && value->is_array();
+}
+
+std::vector<std::string> TomlTable::value_texts(std::string_view key) {
+  Access access{*document_, *node_};
+  const toml::array& list =
+      to_list(access.require(key, "a list of values"), access.place(key), "values");
+  std::vector<std::string> texts;
+  for (const toml::node& value : list) {
+    constexpr std::string_view kName = "v = ";
+    toml::table alone;
+    alone.insert("v", value);
+    if (toml::table* const table = alone.get("v")->as_table()) table->is_inline(true);
+    std::ostringstream text;
+    text << alone;
+    texts.push_back(text.str().substr(kName.size()));
+  }
+  return texts;
 }
 
 std::vector<std::vector<std::string>> TomlTable::string_lists(std::string_view key) {

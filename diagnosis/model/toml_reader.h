@@ -75,6 +75,8 @@ class TomlTable {
   [[nodiscard]] bool is_table(std::string_view key) const;
   /// True if the value under `key` is a list (for keys that take a number or a list).
   [[nodiscard]] bool is_list(std::string_view key) const;
+  /// List of values of any kind, each as TOML writes it: `0.5`, `"u1"`, `{ target = "u1" }`.
+  [[nodiscard]] std::vector<std::string> value_texts(std::string_view key);
   /// List of lists of strings, e.g. a structure given as fault sets.
   [[nodiscard]] std::vector<std::vector<std::string>> string_lists(std::string_view key);
 

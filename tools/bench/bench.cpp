@@ -36,7 +36,8 @@ RunPublisher make_publisher(const BenchInputs& inputs, const BenchOptions& optio
     log = options.log_split.is_wanted() ? open_rotating_log(*options.log, options.log_split)
                                         : open_log(*options.log);
   }
-  return {inputs, diagnosis.decision_table().sets(), std::move(log), std::move(live)};
+  return {inputs, diagnosis.decision_table().sets(), std::move(log), std::move(live),
+          options.has_estimates};
 }
 
 /// A real unit that answers must be on the bus.
@@ -76,6 +77,7 @@ BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
   if (options.lcm_url && can_listen_to(*options.lcm_url)) {
     injection_.emplace(*options.lcm_url, schedule, inputs.bank.sample_time_s);
   }
+  if (options.handles_signals) stop_signal.emplace();
   publisher.publish_parts(start_utime_);
   publisher.publish_event(
       -1, "info", "bench",
@@ -97,6 +99,7 @@ std::int64_t BenchRun::utime_of(double t_s) const noexcept {
 void BenchRun::on_record(const DiagnosisRecord& record, std::int64_t utime) {
   const FaultEstimate* estimate = publisher.publish_record(record, utime);
   history.on_record(record);
+  if (options.on_record) options.on_record(record);
   if (estimate != nullptr) history.on_estimate(*estimate);
   ++seen_.samples;
   if ((record.flags & kBadSample) != 0) ++seen_.bad_samples;
@@ -153,13 +156,17 @@ void BenchRun::watch_buses(double t_s, std::int64_t utime) {
   }
 }
 
+void BenchRun::poll_signal() {
+  if (signal_ == 0 && stop_signal) signal_ = stop_signal->poll();
+}
+
 bool BenchRun::attend(double t_s, std::int64_t utime) {
   watch_buses(t_s, utime);
   const auto now = steady_clock::now();
   if (now >= next_flush_) {
     publisher.flush();
     next_flush_ = now + kFlushPeriod;
-    if (signal_ == 0) signal_ = stop_signal.poll();
+    poll_signal();
   }
   if (now >= next_repeat_) {
     publisher.repeat_parts();
@@ -211,7 +218,7 @@ RunCounters BenchRun::counters_now() const {
 }
 
 BenchResult BenchRun::finish(std::int64_t utime) {
-  if (signal_ == 0) signal_ = stop_signal.poll();
+  poll_signal();
   watch_buses(time_of(plant.truth().cycle), utime);
   publisher.flush_frames();
   if (signal_ != 0) {

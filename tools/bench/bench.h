@@ -8,6 +8,7 @@
 #include <string>
 
 #include "tools/bench/bench_inputs.h"
+#include "tools/bench/diagnosis_record.h"
 #include "tools/bench/latency_histogram.h"
 #include "tools/bench/run_history.h"
 #include "tools/bench/run_publisher.h"
@@ -44,6 +45,14 @@ struct BenchOptions {
   std::optional<std::filesystem::path> log;
   LogSplit log_split;  ///< of `log`: then in files of its own (rotating_log.h)
   std::optional<std::string> lcm_url;
+  /// SIGINT and SIGTERM end the run cleanly; false where the caller minds them, e.g. for many runs
+  /// side by side.
+  bool handles_signals = true;
+  /// Sizes of isolated faults are estimated; a log or LCM carries them, and expectations ask for
+  /// them.
+  bool has_estimates = true;
+  /// Told each sample's record, on the thread that publishes.
+  std::function<void(const DiagnosisRecord& record)> on_record;
   /// Called about ten times a second while the bench runs; on the calling thread.
   std::function<void(double t_s, double duration_s, const std::string& verdict)> on_progress;
   /// Told what keeps the run from being in real time as it should; on the calling thread.

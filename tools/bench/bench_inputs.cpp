@@ -213,6 +213,14 @@ struct ScenarioTexts {
 };
 using BankLoader = std::function<Bank(const Scenario&, const PlantModel&, std::vector<RunPart>&)>;
 
+void set_controller(BenchInputs& inputs, const Scenario& scenario,
+                    const std::optional<NamedText>& commands) {
+  ControllerPlan controller =
+      plan_controller(scenario, inputs.plant, inputs.bank.sample_time_s, commands);
+  inputs.make_controller = std::move(controller.make);
+  inputs.warnings = std::move(controller.warnings);
+}
+
 BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const BankLoader& load) {
   BenchInputs inputs;
   inputs.name = scenario.name;
@@ -239,10 +247,7 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
   make_schedules(inputs, scenario);
   std::optional<NamedText> commands;
   if (texts.commands) commands = {texts.commands->text, texts.commands_source};
-  ControllerPlan controller =
-      plan_controller(scenario, inputs.plant, inputs.bank.sample_time_s, commands);
-  inputs.make_controller = std::move(controller.make);
-  inputs.warnings = std::move(controller.warnings);
+  set_controller(inputs, scenario, commands);
   inputs.dbc_warnings = warnings_of(dbc);
   inputs.scenario = std::move(scenario);
   return inputs;
@@ -279,7 +284,10 @@ PlantModel read_requested_plant(const BankRequest& request) {
 
 BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file,
                               const std::filesystem::path& plant_library) {
-  Scenario scenario = read_scenario(scenario_file);
+  return load_bench_inputs(read_scenario(scenario_file), plant_library);
+}
+
+BenchInputs load_bench_inputs(Scenario scenario, const std::filesystem::path& plant_library) {
   if (!plant_library.empty()) override_plant(scenario, plant_library);
   ScenarioTexts texts;
   texts.plant = read_part("plant", require_file(scenario, "plant", scenario.plant));
@@ -293,6 +301,36 @@ BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file,
     inputs.parts.push_back(
         {kPlantLibraryPart, plant_library.filename().string(), plant_library.string()});
   }
+  return inputs;
+}
+
+BenchInputs vary_bench_inputs(const BenchInputs& base, Scenario scenario,
+                              const std::set<std::string, std::less<>>& changed) {
+  BenchInputs inputs = base;
+  inputs.name = scenario.name;
+  inputs.is_initial_state_known = scenario.is_initial_state_known;
+  const auto written = std::find_if(inputs.parts.begin(), inputs.parts.end(),
+                                    [](const RunPart& part) { return part.part == "scenario"; });
+  written->text = scenario.text;
+  check_expectations(scenario, inputs.bank, inputs.map);
+  check_duration(scenario, inputs.bank);
+  if (changed.contains("simulation")) {
+    inputs.make_plant = plant_maker(
+        scenario, inputs.plant, {find_part(inputs.parts, "plant")->text, scenario.plant.string()},
+        inputs.bank.sample_time_s);
+  }
+  inputs.x_initial = initial_state(scenario, inputs.plant);
+  make_schedules(inputs, scenario);
+  const bool is_longer_record =
+      changed.contains("duration_s") && scenario.controller.kind == ControllerKind::kRecorded;
+  if (changed.contains("controller") || changed.contains("reference") || is_longer_record) {
+    std::optional<NamedText> commands;
+    if (const auto part = read_commands(scenario)) {
+      commands = {part->text, scenario.controller.commands.string()};
+    }
+    set_controller(inputs, scenario, commands);
+  }
+  inputs.scenario = std::move(scenario);
   return inputs;
 }
 

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -55,6 +56,18 @@ class NotSolvable : public std::runtime_error {
 ///   "plant_library"), so that a replay knows that it has not got the plant.
 [[nodiscard]] BenchInputs load_bench_inputs(const std::filesystem::path& scenario_file,
                                             const std::filesystem::path& plant_library = {});
+
+/// The same of a scenario that has been read. @throws the same, but for what is wrong in it alone.
+[[nodiscard]] BenchInputs load_bench_inputs(Scenario scenario,
+                                            const std::filesystem::path& plant_library = {});
+
+/// Another scenario beside the same plant, DBC, bank and signals: what of `base` still holds is not
+/// made again.
+/// @param changed top-level keys of the scenario that differ from those of `base`; none of them
+///   `plant`, `bank`, `dbc`, `signals`, `rates`, `include`
+/// @throws InputError the scenario does not fit; std::system_error a file cannot be read.
+[[nodiscard]] BenchInputs vary_bench_inputs(const BenchInputs& base, Scenario scenario,
+                                            const std::set<std::string, std::less<>>& changed);
 
 /// The same from the parts that a log carries (scenario, plant, dbc, bank); `log` is its name, for
 /// messages. Without a scenario (a diagnosis of nothing but a bank and a DBC) only what

@@ -73,7 +73,7 @@ class BenchRun {
 
   const BenchInputs& inputs;
   const BenchOptions& options;
-  StopSignal stop_signal;
+  std::optional<StopSignal> stop_signal;
   Endpoints buses;
   FaultSchedule schedule;  ///< of this run: faults may be added while it goes on
   PlantNode plant;
@@ -93,6 +93,7 @@ class BenchRun {
     std::optional<ControllerState> state;
   };
 
+  void poll_signal();
   /// An EVENT for each outage's begin and end. Their time is the wall clock's in real time, as no
   /// frame comes during an outage.
   void watch_buses(double t_s, std::int64_t utime);

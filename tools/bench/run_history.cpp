@@ -19,7 +19,8 @@ bool is_excused(const ResidualFilter& filter, const std::vector<std::size_t>& se
   return is_seen && is_steady == (cause == Cause::kCancellation);
 }
 
-// Size from which every residual that sees `fault` at DC fires on it; 0 if the bank does not say.
+}  // namespace
+
 double smallest_isolated(const Bank& bank, std::size_t fault) {
   double smallest = 0.0;
   for (const ResidualFilter& filter : bank.filters) {
@@ -30,8 +31,6 @@ double smallest_isolated(const Bank& bank, std::size_t fault) {
   }
   return smallest;
 }
-
-}  // namespace
 
 RunHistory::RunHistory(const Bank& bank, const std::vector<std::vector<std::size_t>>& fault_sets,
                        const Scenario& scenario, const FaultSchedule& schedule)

@@ -35,6 +35,10 @@ struct InjectionOutcome {
   std::vector<SmallFault> small_faults{};     ///< of those injected, at its end
 };
 
+/// Size from which every residual that sees `fault` at DC fires on it, in its unit; 0 if the bank
+/// does not say.
+[[nodiscard]] double smallest_isolated(const Bank& bank, std::size_t fault);
+
 /// Follows a run's records and keeps what the summary tells: changes of the verdict, first
 /// crossings, expectations, delays.
 class RunHistory {

@@ -102,15 +102,16 @@ struct RunPublisher::Messages {
 
 RunPublisher::RunPublisher(const DiagnosisInputs& inputs,
                            std::vector<std::vector<std::size_t>> fault_sets,
-                           std::unique_ptr<MessageSink> log, std::unique_ptr<MessageSink> live)
+                           std::unique_ptr<MessageSink> log, std::unique_ptr<MessageSink> live,
+                           bool has_estimates)
     : inputs_(&inputs),
       fault_sets_(std::move(fault_sets)),
       log_(std::move(log)),
       live_(std::move(live)),
       messages_(std::make_unique<Messages>()),
       cycles_per_second_(static_cast<std::uint32_t>(
-          std::clamp(std::round(1.0 / inputs.bank.sample_time_s), 1.0, kMaxCyclesPerSecond))),
-      estimator_(inputs) {
+          std::clamp(std::round(1.0 / inputs.bank.sample_time_s), 1.0, kMaxCyclesPerSecond))) {
+  if (has_estimates) estimator_.emplace(inputs);
   residual_t& residual = messages_->residual;
   sample_t& sample = messages_->sample;
   sample.output_count = static_cast<std::int32_t>(inputs.bank.output_names.size());
@@ -125,6 +126,7 @@ RunPublisher::~RunPublisher() = default;
 
 template <class Message>
 void RunPublisher::publish(Channel& channel, Message& message) {
+  if (!has_sinks()) return;
   message.sequence = channel.next_sequence++;
   const auto size = static_cast<std::size_t>(message.getEncodedSize());
   if (buffer_.size() < size) buffer_.resize(size);
@@ -136,6 +138,7 @@ void RunPublisher::publish(Channel& channel, Message& message) {
 }
 
 void RunPublisher::publish_parts(std::int64_t utime) {
+  if (!has_sinks()) return;
   run_id_ = text_digest(fmt::format("{} {}", inputs_->name, utime));
   parts_utime_ = utime;
   send_parts();
@@ -173,6 +176,7 @@ void RunPublisher::send_parts() {
 }
 
 void RunPublisher::add_frame(const CanFrame& frame, std::uint64_t number, std::int64_t utime) {
+  if (!has_sinks()) return;
   can_t& can = messages_->can;
   if (can.frames.size() == kFramesPerBatch || can.bus != frame.bus || number != next_frame_) {
     flush_frames();
@@ -192,8 +196,7 @@ void RunPublisher::flush_frames() {
   can.frames.clear();
 }
 
-const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
-                                                  std::int64_t utime) {
+void RunPublisher::publish_sample(const DiagnosisRecord& record, std::int64_t utime) {
   sample_t& sample = messages_->sample;
   sample.utime = utime;
   sample.cycle = record.cycle;
@@ -218,20 +221,25 @@ const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
   residual.threshold = record.thresholds;
   residual.fired = record.fired;
   publish(messages_->on_residual, residual);
+}
 
+const FaultEstimate* RunPublisher::publish_record(const DiagnosisRecord& record,
+                                                  std::int64_t utime) {
+  if (has_sinks()) publish_sample(record, utime);
   const bool is_isolated = record.decision.verdict == Verdict::kIsolated;
   const std::span<const std::size_t> isolated =
       is_isolated ? std::span<const std::size_t>(fault_sets_[record.decision.sets[0]])
                   : std::span<const std::size_t>();
-  estimator_.push(record, isolated);
+  if (estimator_) estimator_->push(record, isolated);
   follow_inhibition(record, utime);
   const bool is_diagnosis_due = is_first_record_ || record.decision != last_decision_ ||
                                 is_blame_new_ || record.cycle % cycles_per_second_ == 0;
   is_first_record_ = false;
   last_decision_ = record.decision;
-  if (is_diagnosis_due) publish_diagnosis(record, utime);
-  if (!is_isolated || !(is_diagnosis_due || estimator_.is_first_due())) return nullptr;
-  const FaultEstimate& estimate = estimator_.estimate(record, isolated);
+  if (is_diagnosis_due && has_sinks()) publish_diagnosis(record, utime);
+  if (!is_isolated || !estimator_) return nullptr;
+  if (!is_diagnosis_due && !estimator_->is_first_due()) return nullptr;
+  const FaultEstimate& estimate = estimator_->estimate(record, isolated);
   publish_estimate(estimate, record.cycle, utime);
   return &estimate;
 }
@@ -308,6 +316,7 @@ void RunPublisher::publish_estimate(const FaultEstimate& estimate, std::uint32_t
 
 void RunPublisher::publish_truth(const PlantTruth& truth, const FaultSchedule& schedule,
                                  const Eigen::VectorXd& x, std::int64_t utime) {
+  if (!has_sinks()) return;
   const double t_s = truth.cycle * inputs_->bank.sample_time_s;
   bool is_due = is_first_truth_ || truth.cycle % cycles_per_second_ == 0;
   last_activity_.resize(schedule.size(), 0.0);

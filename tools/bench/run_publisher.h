@@ -49,9 +49,11 @@ struct RunCounters {
 /// counts its messages. Times are given by the caller: µs since 1970. Not for the diagnosis thread.
 class RunPublisher {
  public:
-  /// @param live gets RUN repeated by `repeat_parts`; `log` gets it once. Either may be null.
+  /// @param live gets RUN repeated by `repeat_parts`; `log` gets it once. Either may be null;
+  /// where both are, nothing is encoded.
   RunPublisher(const DiagnosisInputs& inputs, std::vector<std::vector<std::size_t>> fault_sets,
-               std::unique_ptr<MessageSink> log, std::unique_ptr<MessageSink> live);
+               std::unique_ptr<MessageSink> log, std::unique_ptr<MessageSink> live,
+               bool has_estimates = true);
   ~RunPublisher();
 
   /// RUN: all parts, in chunks, to all sinks.
@@ -93,7 +95,9 @@ class RunPublisher {
   struct Channel;
   template <class Message>
   void publish(Channel& channel, Message& message);
+  [[nodiscard]] bool has_sinks() const noexcept { return log_ || live_; }
   void send_parts();
+  void publish_sample(const DiagnosisRecord& record, std::int64_t utime);
   void publish_diagnosis(const DiagnosisRecord& record, std::int64_t utime);
   void follow_inhibition(const DiagnosisRecord& record, std::int64_t utime);
   void publish_estimate(const FaultEstimate& estimate, std::uint32_t cycle, std::int64_t utime);
@@ -114,7 +118,7 @@ class RunPublisher {
   std::uint32_t inhibited_at_ = 0;
   // Totals when it began, and of the last record.
   std::uint64_t bad_frames_then_ = 0, missing_then_ = 0, last_bad_frames_ = 0, last_missing_ = 0;
-  FaultEstimator estimator_;
+  std::optional<FaultEstimator> estimator_;
   bool is_first_truth_ = true;
   std::vector<double> last_activity_;
   std::uint64_t message_count_ = 0;
