@@ -33,6 +33,10 @@ if(NOT FAULTLINE_DRIVERS_ONLY)
   install(FILES sim/plant_table.h sim/plant_equations.h
     DESTINATION ${faultline_include_dir}/sim COMPONENT diagnosis)
   install(TARGETS faultline RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
+  if(TARGET faultline_mpi)
+    install(TARGETS faultline_mpi
+      LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/faultline COMPONENT program)
+  endif()
 endif()
 
 configure_package_config_file(cmake/faultline-config.cmake.in ${PROJECT_BINARY_DIR}/faultline-config.cmake

@@ -357,6 +357,7 @@ void add_campaign_command(CLI::App& program, int& exit_code) {
       ->add_option("--csv", arguments->csv, "Also write all rows as CSV, to file F or - (stdout)")
       ->type_name("F|-");
   command->add_option("--max-runs", arguments->max_runs, "Refuse a sweep of more runs")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}))
       ->capture_default_str();
   command->add_flag("-q,--quiet", arguments->is_quiet, "No progress on stderr");
   add_json_option(*command, arguments->json);

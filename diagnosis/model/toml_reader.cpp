@@ -417,6 +417,12 @@ std::vector<std::string> TomlTable::value_texts(std::string_view key) {
       to_list(access.require(key, "a list of values"), access.place(key), "values");
   std::vector<std::string> texts;
   for (const toml::node& value : list) {
+    if (const auto* number = value.as_floating_point(); number && std::isfinite(number->get())) {
+      std::string shortest = fmt::format("{}", number->get());
+      if (shortest.find_first_of(".e") == std::string::npos) shortest += ".0";
+      texts.push_back(std::move(shortest));
+      continue;
+    }
     constexpr std::string_view kName = "v = ";
     toml::table alone;
     alone.insert("v", value);

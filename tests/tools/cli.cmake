@@ -9,6 +9,21 @@ foreach(test IN ITEMS can_cli dash design_cli doctor_cli eigenstructure_cli faul
     ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>")
 endforeach()
 
+# Thousands of runs in a database.
+add_test(NAME campaign_cli
+  COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/campaign_test.py
+          Runs SameWhoeverDoesThem GoesOn Failures Refusals)
+set_tests_properties(campaign_cli PROPERTIES
+  TIMEOUT 240 # takes 10 s on a quiet machine
+  ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>")
+if(TARGET faultline_mpi)
+  add_test(NAME campaign_mpi
+    COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/campaign_test.py Ranks)
+  set_tests_properties(campaign_mpi PROPERTIES
+    TIMEOUT 180
+    ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>;MPIRUN=${MPIEXEC_EXECUTABLE}")
+endif()
+
 # A plant of the user's own, with the compiler that has built the program.
 add_test(NAME plant_library COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/plant_library_test.py)
 set_tests_properties(plant_library PROPERTIES
