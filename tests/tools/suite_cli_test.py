@@ -4,14 +4,17 @@ import fcntl
 import json
 import os
 import pty
+import shutil
 import signal
 import struct
 import subprocess
 import termios
+import time
 import unittest
 import xml.etree.ElementTree as ElementTree
 
-from faultline_program import FolderTest, decode_all, finish, program, read_log, reassemble_parts, wait_for
+from faultline_program import (ROOT, FolderTest, decode_all, finish, program, read_log, reassemble_parts,
+                               wait_for)
 
 COMMON = """schema = 1
 plant  = "../plant.toml"
@@ -242,6 +245,28 @@ class Interrupt(SuiteTest):
                 self.assertTrue(data["interrupted"])
                 self.assertEqual(data["not_begun"], 1)
                 os.remove(self.folder.file("logs/long.lcm"))
+
+    def test_while_a_bank_is_designed_leaves_no_half_report_and_no_half_bank(self):
+        # An observer takes seconds to design. A cache of its own: nothing is there yet.
+        shutil.copytree(f"{ROOT}/examples/ma2024", self.folder.file("joint"))
+        for number, arguments in ((signal.SIGINT, ["joint/healthy.toml"]),
+                                  (signal.SIGTERM, ["joint/healthy.toml", "joint/actuator.toml"])):
+            with self.subTest(scenarios=len(arguments)):
+                cache = self.folder.file(f"cache-{number}")
+                self.folder.environment = {**os.environ, "XDG_CACHE_HOME": cache}
+                no_log = ["--no-log"] if len(arguments) == 1 else []
+                process = self.folder.start("run", *arguments, *no_log, "--junit", "junit.xml", "--json", "all.json")
+                time.sleep(0.4)
+                self.assertIsNone(process.poll(), "designed sooner than that: the test needs a larger bank")
+                process.send_signal(number)
+                self.assertIn(finish(process).code, (128 + number, -number))
+                for name in ("junit.xml", "all.json"):
+                    if os.path.exists(self.folder.file(name)):  # whole, and of a suite that was interrupted
+                        self.assertGreater(len(arguments), 1)
+                        self.assertIn("not_begun", self.folder.read("all.json").decode())
+                        self.junit()
+                found = [name for _, _, names in os.walk(cache) for name in names]
+                self.assertEqual(found, [])
 
 
 class Include(SuiteTest):
