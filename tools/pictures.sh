@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the pictures of the README from runs of the examples: docs/pictures/report.png.
+# Makes the pictures of the README from runs of the examples: docs/pictures/report.png, and dash.png from a bench on vcan.
 #   tools/pictures.sh [FOLDER]     default: docs/pictures; FAULTLINE names the program; needs chromium
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
@@ -14,4 +14,7 @@ export HOME=$work XDG_CONFIG_HOME=$work
 sed -i 's|</head>|<style>#metrics,#overview,#window,.scroll,nav{display:none!important}</style></head>|' "$work/report.html"
 chromium --headless=new --no-sandbox --disable-gpu --hide-scrollbars --user-data-dir="$work/profile" \
   --window-size=1100,1130 --virtual-time-budget=8000 --screenshot="$out/report.png" "file://$work/report.html" 2>/dev/null
-echo "pictures: $out/report.png"
+FAULTLINE=$program WITH_VCAN_INIT=${WITH_VCAN_INIT:-$(dirname "$program")/vcan-init} DASH_PICTURES=$work \
+  python3 "$root/tests/tools/dash_page_test.py"
+cp "$work/dash.png" "$out/dash.png"
+echo "pictures: $out/report.png $out/dash.png"

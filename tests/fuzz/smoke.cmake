@@ -12,7 +12,7 @@ ExternalProject_Add(fuzzers
   INSTALL_COMMAND "")
 
 set(FAULTLINE_FUZZ_SECONDS 60 CACHE STRING "How long a test runs each fuzzer")
-foreach(fuzzer IN ITEMS dbc_parser message_codec candump udp_frame log_reader)
+foreach(fuzzer IN ITEMS dbc_parser message_codec candump udp_frame log_reader viewer_request)
   add_test(NAME ${fuzzer}_fuzzer
     COMMAND Python3::Interpreter ${CMAKE_CURRENT_LIST_DIR}/fuzz_smoke.py
             --seconds ${FAULTLINE_FUZZ_SECONDS} --corpus ${CMAKE_CURRENT_LIST_DIR}/corpus/${fuzzer}

@@ -40,6 +40,13 @@ if(NOT FAULTLINE_SANITIZER)
     TIMEOUT 150
     ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>;WITH_VCAN_INIT=$<TARGET_FILE:vcan_init>")
 
+  add_test(NAME dash_page
+    COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/dash_page_test.py)
+  set_tests_properties(dash_page PROPERTIES
+    LABELS vcan
+    TIMEOUT 300
+    ENVIRONMENT "FAULTLINE=$<TARGET_FILE:faultline>;WITH_VCAN_INIT=$<TARGET_FILE:vcan_init>")
+
   add_test(NAME playback_vcan
     COMMAND ${PROJECT_SOURCE_DIR}/tools/with-vcan -t 120 -i vcan0 --
             ${Python3_EXECUTABLE} ${CMAKE_CURRENT_SOURCE_DIR}/playback_vcan_test.py)

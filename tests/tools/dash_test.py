@@ -3,85 +3,27 @@
 
 In a network namespace of its own.
 """
-import base64
 import json
 import os
 import random
 import signal
 import socket
-import struct
 import time
 import unittest
 
 from faultline_program import FolderTest, finish, wait_for
 from inject_test import send_raw
 from multicast_namespace import URL, enter_namespace
+from web_socket import PATIENCE_S, WebSocket, status, upgrade
 
 BUS = "udp:239.74.163.2:43113"
-PATIENCE_S = 20.0
 
 
-def exchange(port, path="/", host=None, headers=()):
-    """Sends a request; the open connection, the status and what came with it so far."""
-    connection = socket.create_connection(("127.0.0.1", port), PATIENCE_S)
-    lines = [f"GET {path} HTTP/1.1", f"Host: {host or f'127.0.0.1:{port}'}", *headers, "", ""]
-    connection.sendall("\r\n".join(lines).encode())
-    answer = b""
-    while b"\r\n\r\n" not in answer:
-        part = connection.recv(65536)
-        if not part:
-            break
-        answer += part
-    return connection, int(answer.split()[1]), answer.split(b"\r\n\r\n", 1)[1]
-
-
-def status(port, *arguments, **options):
-    connection, code, _ = exchange(port, *arguments, **options)
-    connection.close()
-    return code
-
-
-def upgrade(origin):
-    key = base64.b64encode(os.urandom(16)).decode()
-    return ("Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Version: 13", f"Sec-WebSocket-Key: {key}",
-            *([f"Origin: {origin}"] if origin else []))
-
-
-class Viewer:
-    """A WebSocket."""
+class Viewer(WebSocket):
+    """A viewer of the live page."""
 
     def __init__(self, port, path="/live"):
-        self.connection, code, self.rest = exchange(port, path, headers=upgrade(f"http://127.0.0.1:{port}"))
-        assert code == 101, code
-
-    def send(self, payload, opcode=1):
-        mask = os.urandom(4)
-        length = len(payload)
-        head = bytes([0x80 | opcode]) + (bytes([0x80 | length]) if length < 126 else b"\xfe" + struct.pack(">H", length))
-        self.connection.sendall(head + mask + bytes(byte ^ mask[i % 4] for i, byte in enumerate(payload)))
-
-    def take(self, count):
-        while len(self.rest) < count:
-            part = self.connection.recv(65536)
-            if not part:
-                raise ConnectionError("closed")
-            self.rest += part
-        result, self.rest = self.rest[:count], self.rest[count:]
-        return result
-
-    def receive(self):
-        """The next message of text."""
-        while True:
-            opcode, length = self.take(2)
-            if length == 126:
-                length, = struct.unpack(">H", self.take(2))
-            elif length == 127:
-                length, = struct.unpack(">Q", self.take(8))
-            payload = self.take(length)
-            if opcode & 15 == 8:
-                raise ConnectionError("closed")
-            if opcode & 15 == 1:
-                return json.loads(payload)
+        super().__init__(port, path)
 
     def until(self, condition):
         end = time.monotonic() + PATIENCE_S
@@ -94,9 +36,6 @@ class Viewer:
     def reply(self, payload):
         self.send(payload)
         return self.until(lambda message: message["type"] in ("sent", "refused"))
-
-    def close(self):
-        self.connection.close()
 
 
 class Dash(FolderTest):
@@ -204,6 +143,65 @@ class Dash(FolderTest):
         send_raw(b"", os.urandom(100), b"\xff" * 60000)
         viewer.until(lambda message: message["type"] == "state")
         self.assertIsNone(dash.poll())
+
+    def test_one_who_does_not_read_is_thinned_and_slows_nobody(self):
+        dash, port = self.start_dash()
+        self.start("run", "healthy.toml", "--realtime", "--bus", BUS, out="run.txt")
+        idle = self.viewer(port)  # takes nothing of what comes
+        viewer = self.viewer(port)
+        viewer.until(lambda message: message.get("kind") == "healthy")
+        before, cycles = self.resident_kB(dash), []
+        end = time.monotonic() + 6.0
+        while time.monotonic() < end:
+            cycles.append(viewer.until(lambda message: message["type"] == "state")["cycle"])
+        self.assertGreater(len(cycles), 100)  # 25 a second
+        self.assertGreater(cycles[-1], cycles[0] + 200)
+        self.assertLess(self.resident_kB(dash), before + 2000)
+        # It left off at some state, and now gets the newest, not all that it has missed: what lay in the socket,
+        # then a gap.
+        idle_cycles = []
+        idle.until(lambda message: message["type"] == "state" and (idle_cycles.append(message["cycle"]) or
+                                                                   message["cycle"] >= cycles[-1]))
+        self.assertGreater(max(b - a for a, b in zip(idle_cycles, idle_cycles[1:])) if len(idle_cycles) > 1 else 1, 0)
+        self.assertLessEqual(len(idle_cycles), len(cycles) + 50)
+
+    @staticmethod
+    def resident_kB(process):
+        with open(f"/proc/{process.pid}/status", encoding="ascii") as file:
+            return next(int(line.split()[1]) for line in file if line.startswith("VmRSS:"))
+
+    def test_connections_that_never_ask(self):
+        dash, port = self.start_dash()
+        viewer = self.viewer(port)
+        silent = [socket.create_connection(("127.0.0.1", port)) for _ in range(200)]
+        for one in silent:
+            self.addCleanup(one.close)
+        halves = [one for one in silent if self.try_send(one, b"GET /live HTTP/1.1\r\nHost: ")]
+        viewer.until(lambda message: message["type"] == "state")
+        # Those beyond the most that are kept are closed at once, the others when they have been silent for 10 s.
+        self.assertGreater(len(halves), 0)
+        wait_for(lambda: self.asks(port), 30, 0.5)
+        unmasked = self.viewer(port)
+        unmasked.connection.sendall(b"\x81\x02{}")
+        with self.assertRaises(OSError):
+            unmasked.until(lambda message: False)
+        viewer.until(lambda message: message["type"] == "state")
+        self.assertIsNone(dash.poll())
+
+    @staticmethod
+    def try_send(connection, data):
+        try:
+            connection.sendall(data)
+            return True
+        except OSError:
+            return False
+
+    @staticmethod
+    def asks(port):
+        try:
+            return status(port) == 200
+        except OSError:
+            return False
 
 
 if __name__ == "__main__":

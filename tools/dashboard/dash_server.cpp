@@ -165,6 +165,7 @@ class DashServer::State::Session : public std::enable_shared_from_this<Session> 
       socket_web_.emplace(std::move(socket_));
       socket_web_->set_option(websocket::stream_base::timeout::suggested(beast::role_type::server));
       socket_web_->read_message_max(kLongestRequest);
+      socket_web_->auto_fragment(false);  // a state is one write, not one per 4 kB
       socket_web_->async_accept(parser_->get(), [self = shared_from_this()](ErrorCode error) {
         if (error) return;
         self->is_open_ = true;
@@ -238,6 +239,7 @@ std::string DashServer::State::send(inject_t request) {
 }
 
 void DashServer::State::broadcast() {
+  if (viewers.empty()) return view.reset_peaks();
   const auto state = std::make_shared<const std::string>(state_json(view, LiveView::Clock::now()));
   const auto run = std::make_shared<const std::string>(run_json(view));
   view.reset_peaks();

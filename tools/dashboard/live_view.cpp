@@ -79,6 +79,10 @@ bool LiveView::take_run(const LiveMessage& message) {
   if (!decode_message(message.data, layout::kRun, chunk)) return false;
   const bool is_known = knows_dbc_ && has_tried_bank_ && chunk.run_id == parts_.run_id();
   if (is_known) return true;
+  // RUN comes again every few seconds for those who join late.
+  const RunParts::Part* const part =
+      chunk.run_id == parts_.run_id() ? parts_.find(chunk.part) : nullptr;
+  if (part != nullptr && part->chunks.contains(chunk.chunk)) return true;
   if (run_bytes_ + message.data.size() > kRunBytes) return false;
   const bool is_first = parts_.run_id().empty();
   if (parts_.take(chunk) || is_first) begin_run();

@@ -7,6 +7,8 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "tools/bench/run_history.h"
+
 namespace faultline {
 namespace {
 
@@ -89,6 +91,11 @@ std::string run_json(const LiveView& view) {
     result["faults"] = bank.fault_names;
     result["inputs"] = bank.input_names;
     result["outputs"] = bank.output_names;
+    Json& sizes = result["sizes"] = Json::object();
+    for (std::size_t fault = 0; fault < bank.fault_names.size(); ++fault) {
+      const double smallest = smallest_isolated(bank, fault);
+      if (smallest > 0.0) sizes[bank.fault_names[fault]] = 2.0 * smallest;
+    }
     Json& names = result["residuals"] = Json::array();
     for (const ResidualFilter& filter : bank.filters) names.push_back(filter.name);
   }

@@ -3,7 +3,7 @@
 const kPoints = 400;      // of each curve: 16 s at 25 states a second
 const kReconnect_ms = 500;
 const by = (id) => document.getElementById(id);
-let run = {}, socket = null, curves = [], asked = null, rebuilt = -1;
+let run = {}, socket = null, curves = [], quick = [], asked = null, rebuilt = -1;
 
 function set(node, text) { if (node.textContent !== text) node.textContent = text; }
 function number(value, digits = 3) { return Number.isFinite(value) ? Number(value.toPrecision(digits)).toString() : "–"; }
@@ -24,6 +24,19 @@ function build(count, revision) {
   }
   by("targets").replaceChildren(...[...new Set([...(run.faults || []), ...(run.inputs || []), ...(run.outputs || [])])]
     .map((name) => { const option = document.createElement("option"); option.value = name; return option; }));
+  quick = Object.entries(run.sizes || {}).map(([target, size]) => {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.dataset.target = target;
+    button.addEventListener("click", () => ask(button.getAttribute("aria-pressed") === "true"
+      ? { type: "clear", target } : { type: "inject", target, kind: "bias", value: size }));
+    return { button, target, size };
+  });
+  by("quick").replaceChildren(...quick.map(({ button }) => {
+    const item = document.createElement("li");
+    item.append(button);
+    return item;
+  }));
   rebuilt = revision;
 }
 
@@ -85,6 +98,11 @@ function show(state) {
   set(by("counters"), c ? `frames ${c.frames}, dropped ${c.dropped}, bad samples ${c.bad_samples}, overruns ${c.overruns}, late cycles ${c.late_cycles}` : "");
   const injected = (state.injected || []).map((f) => `${f.kind} ${number(f.value)} on ${f.target}`);
   set(by("injected"), state.injected ? `acting: ${injected.join("; ") || "none"}` : "");
+  const acting = new Set((state.injected || []).map((f) => f.target));
+  for (const { button, target, size } of quick) {
+    button.setAttribute("aria-pressed", String(acting.has(target)));
+    set(button, acting.has(target) ? `clear ${target}` : `inject ${target} bias ${number(size)}`);
+  }
   const answer = asked && state.events.find((e) => e.source === "inject" && e.text.startsWith(asked + ":"));
   if (answer) { set(by("answer"), answer.text.slice(asked.length + 2)); asked = null; }
 }
