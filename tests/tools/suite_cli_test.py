@@ -4,6 +4,7 @@ import fcntl
 import json
 import os
 import pty
+import shutil
 import signal
 import struct
 import subprocess
@@ -11,7 +12,7 @@ import termios
 import unittest
 import xml.etree.ElementTree as ElementTree
 
-from faultline_program import FolderTest, decode_all, finish, program, read_log, reassemble_parts, wait_for
+from faultline_program import ROOT, FolderTest, decode_all, finish, program, read_log, reassemble_parts, wait_for
 
 COMMON = """schema = 1
 plant  = "../plant.toml"
@@ -242,6 +243,30 @@ class Interrupt(SuiteTest):
                 self.assertTrue(data["interrupted"])
                 self.assertEqual(data["not_begun"], 1)
                 os.remove(self.folder.file("logs/long.lcm"))
+
+    def test_while_a_bank_is_designed_nothing_is_written(self):
+        """An observer of which the design takes seconds; a thread of its own designs it."""
+        example = f"{ROOT}/examples/ma2024"
+        for name in ("plant.toml", "bank.toml", "bench.dbc", "healthy.toml"):
+            shutil.copy(os.path.join(example, name), self.folder.file("suite"))
+        for scenarios in ("suite/healthy.toml", "suite"):
+            for number in (signal.SIGINT, signal.SIGTERM):
+                with self.subTest(scenarios=scenarios, signal=number):
+                    process = self.folder.start("run", scenarios, "--junit", "one.xml", "--json", "one.json",
+                                                "--log-dir", "logs")
+                    wait_for(lambda: len(os.listdir(f"/proc/{process.pid}/task")) > 1)
+                    process.send_signal(number)
+                    answer = finish(process)
+                    self.assert_code(128 + number, answer)
+                    self.assertRegex(answer.out + answer.err, f"(?i)stopped by signal {int(number)}")
+                    self.assertFalse(os.path.exists(self.folder.file("logs/ma2024.lcm")))
+                    if scenarios == "suite":
+                        root = ElementTree.fromstring(self.folder.read("one.xml").decode())
+                        self.assertEqual(root.get("tests"), "0", "whole, and of what was run alone")
+                        self.assertEqual(json.loads(self.folder.read("one.json"))["not_begun"], 1)
+                    else:
+                        self.assertFalse(os.path.exists(self.folder.file("one.xml")))
+                        self.assertFalse(os.path.exists(self.folder.file("one.json")))
 
 
 class Include(SuiteTest):
