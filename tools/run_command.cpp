@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <filesystem>
 #include <map>
@@ -30,9 +31,11 @@
 #include "tools/bench/endpoints.h"
 #include "tools/bench/run_summary.h"
 #include "tools/bench/scenario_files.h"
+#include "tools/bench/stop_signal.h"
 #include "tools/can/bus_session.h"
 #include "tools/cli.h"
 #include "tools/error_answer.h"
+#include "tools/interruptible_load.h"
 #include "tools/report_command.h"
 #include "tools/run_suite.h"
 
@@ -176,7 +179,18 @@ BenchOptions bench_options(const RunArguments& arguments, BenchInputs& inputs) {
 }
 
 int run_one(const RunArguments& arguments, ScenarioOutcome& outcome) {
-  BenchInputs inputs = load_bench_inputs(arguments.scenarios.front(), arguments.plant_library);
+  StopSignal stop;
+  std::optional<BenchInputs> loaded =
+      load_until_signal(arguments.scenarios.front(), stop, arguments.plant_library);
+  if (!loaded || stop.poll() != 0) {
+    fmt::print(stderr,
+               "faultline: {}: stopped by signal {} while its files were read and its bank "
+               "designed: nothing was run, no report is written\n",
+               arguments.scenarios.front(), stop.poll());
+    std::fflush(nullptr);
+    std::_Exit(kExitSignal + stop.poll());  // the design has no end that could be waited for
+  }
+  BenchInputs& inputs = *loaded;
   BenchOptions options = bench_options(arguments, inputs);
   std::set<std::string> taken;
   if (!arguments.log.empty()) {

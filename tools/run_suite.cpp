@@ -2,9 +2,7 @@
 
 #include <chrono>
 #include <cstdlib>
-#include <future>
 #include <optional>
-#include <thread>
 #include <utility>
 
 #include <unistd.h>
@@ -18,6 +16,7 @@
 #include "tools/bench/suite_table.h"
 #include "tools/cli.h"
 #include "tools/error_answer.h"
+#include "tools/interruptible_load.h"
 
 namespace faultline {
 namespace {
@@ -25,23 +24,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 using std::chrono::steady_clock;
 
-/// How soon a signal is seen while a bank is designed.
-constexpr std::chrono::milliseconds kSignalPeriod{20};
-
 double seconds_since(steady_clock::time_point start) {
   return std::chrono::duration<double>(steady_clock::now() - start).count();
-}
-
-/// Reads a scenario and all it refers to on a thread of its own, as a design may take minutes.
-/// @return nullopt: a signal came first, and the thread goes on until the process ends
-std::optional<BenchInputs> load_until_signal(const std::filesystem::path& file, StopSignal& stop) {
-  std::packaged_task<BenchInputs()> load([file] { return load_bench_inputs(file); });
-  std::future<BenchInputs> inputs = load.get_future();
-  std::thread(std::move(load)).detach();
-  while (inputs.wait_for(kSignalPeriod) != std::future_status::ready) {
-    if (stop.poll() != 0) return std::nullopt;
-  }
-  return inputs.get();
 }
 
 /// Progress on stderr: on a terminal a line that is kept up to date, elsewhere one per scenario.

@@ -13,8 +13,7 @@ import time
 import unittest
 import xml.etree.ElementTree as ElementTree
 
-from faultline_program import (ROOT, FolderTest, decode_all, finish, program, read_log, reassemble_parts,
-                               wait_for)
+from faultline_program import ROOT, FolderTest, decode_all, finish, program, read_log, reassemble_parts, wait_for
 
 COMMON = """schema = 1
 plant  = "../plant.toml"
@@ -246,27 +245,29 @@ class Interrupt(SuiteTest):
                 self.assertEqual(data["not_begun"], 1)
                 os.remove(self.folder.file("logs/long.lcm"))
 
-    def test_while_a_bank_is_designed_leaves_no_half_report_and_no_half_bank(self):
-        # An observer takes seconds to design. A cache of its own: nothing is there yet.
-        shutil.copytree(f"{ROOT}/examples/ma2024", self.folder.file("joint"))
-        for number, arguments in ((signal.SIGINT, ["joint/healthy.toml"]),
-                                  (signal.SIGTERM, ["joint/healthy.toml", "joint/actuator.toml"])):
-            with self.subTest(scenarios=len(arguments)):
-                cache = self.folder.file(f"cache-{number}")
-                self.folder.environment = {**os.environ, "XDG_CACHE_HOME": cache}
-                no_log = ["--no-log"] if len(arguments) == 1 else []
-                process = self.folder.start("run", *arguments, *no_log, "--junit", "junit.xml", "--json", "all.json")
-                time.sleep(0.4)
-                self.assertIsNone(process.poll(), "designed sooner than that: the test needs a larger bank")
-                process.send_signal(number)
-                self.assertIn(finish(process).code, (128 + number, -number))
-                for name in ("junit.xml", "all.json"):
-                    if os.path.exists(self.folder.file(name)):  # whole, and of a suite that was interrupted
-                        self.assertGreater(len(arguments), 1)
-                        self.assertIn("not_begun", self.folder.read("all.json").decode())
-                        self.junit()
-                found = [name for _, _, names in os.walk(cache) for name in names]
-                self.assertEqual(found, [])
+    def test_while_a_bank_is_designed_nothing_is_written(self):
+        """An observer of which the design takes seconds; a thread of its own designs it."""
+        example = f"{ROOT}/examples/ma2024"
+        for name in ("plant.toml", "bank.toml", "bench.dbc", "healthy.toml"):
+            shutil.copy(os.path.join(example, name), self.folder.file("suite"))
+        for scenarios in ("suite/healthy.toml", "suite"):
+            for number in (signal.SIGINT, signal.SIGTERM):
+                with self.subTest(scenarios=scenarios, signal=number):
+                    process = self.folder.start("run", scenarios, "--junit", "one.xml", "--json", "one.json",
+                                                "--log-dir", "logs")
+                    wait_for(lambda: len(os.listdir(f"/proc/{process.pid}/task")) > 1)
+                    process.send_signal(number)
+                    answer = finish(process)
+                    self.assert_code(128 + number, answer)
+                    self.assertRegex(answer.out + answer.err, f"(?i)stopped by signal {int(number)}")
+                    self.assertFalse(os.path.exists(self.folder.file("logs/ma2024.lcm")))
+                    if scenarios == "suite":
+                        root = ElementTree.fromstring(self.folder.read("one.xml").decode())
+                        self.assertEqual(root.get("tests"), "0", "whole, and of what was run alone")
+                        self.assertEqual(json.loads(self.folder.read("one.json"))["not_begun"], 1)
+                    else:
+                        self.assertFalse(os.path.exists(self.folder.file("one.xml")))
+                        self.assertFalse(os.path.exists(self.folder.file("one.json")))
 
 
 class Include(SuiteTest):
