@@ -38,7 +38,8 @@ struct Uncertainty {
 void read_uncertainties(TomlTable& root, PlantModel& plant);
 
 /// A and B of the plant that an uncertainty makes of `plant`: A + Σ δ_i ΔA_i, B + Σ δ_i ΔB_i, added
-/// to the plant's own; the directions of its actuators' faults go with B. `delta`: one number per pair. @pre it has
+/// to the plant's own; the directions of its actuators' faults go with B. `delta`: one number per
+/// pair. @pre it has
 void apply_uncertainty(const Uncertainty& uncertainty, const std::vector<double>& delta,
                        PlantModel& plant);
 

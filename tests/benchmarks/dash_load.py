@@ -80,6 +80,7 @@ class Viewers:
                                      stdout=subprocess.PIPE, text=True)
         port = int(self.dash.stdout.readline().split(":")[2].split("/")[0])
         self.states, self.memory_kB, self.is_over = 0, [], False
+        self.lock = threading.Lock()
         self.threads = [threading.Thread(target=self.view, args=(port,)) for _ in range(count)]
         self.threads.append(threading.Thread(target=self.weigh))
         for thread in self.threads:
@@ -88,7 +89,9 @@ class Viewers:
     def view(self, port):
         viewer = WebSocket(port, "/live")
         while not self.is_over:
-            self.states += viewer.receive_size() is not None
+            viewer.receive_size()
+            with self.lock:
+                self.states += 1
         viewer.close()
 
     def weigh(self):

@@ -128,8 +128,9 @@ TEST(Uncertainty, RefusesWhatIsNone) {
   EXPECT_THAT(refusal(head + "range = 1\n"), HasSubstr("found neither, expected `A` or `B`"));
   EXPECT_THAT(refusal(head + "A = [[0, 0], [0, 0]]\nrange = 1\n"),
               HasSubstr("found no entry of A or B that it changes"));
-  EXPECT_THAT(refusal(head + "A = [[0, 0], [0, 1]]\nrange = 0\n"),
-              StartsWith("plant.toml:25:9: uncertainty, entry 1.range: found 0, expected a positive"));
+  EXPECT_THAT(
+      refusal(head + "A = [[0, 0], [0, 1]]\nrange = 0\n"),
+      StartsWith("plant.toml:25:9: uncertainty, entry 1.range: found 0, expected a positive"));
   EXPECT_THAT(refusal(head + "A = [[0, 0]]\nrange = 1\n"), HasSubstr("A"));
   EXPECT_THAT(refusal(head + "A = [[0, 0], [0, nan]]\nrange = 1\n"), HasSubstr("nan"));
   EXPECT_THAT(refusal(head + "A = [[0, 0], [0, 1]]\n"), HasSubstr("range"));
