@@ -56,6 +56,7 @@ void add_doctor_command(CLI::App& program, int& exit_code);
 void add_play_command(CLI::App& program, int& exit_code);
 void add_replay_command(CLI::App& program, int& exit_code);
 void add_report_command(CLI::App& program, int& exit_code);
+void add_score_command(CLI::App& program, int& exit_code);
 void add_run_command(CLI::App& program, int& exit_code);
 void add_info_command(CLI::App& program, int& exit_code);
 void add_linearise_command(CLI::App& program, int& exit_code);

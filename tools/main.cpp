@@ -36,6 +36,7 @@ int run_program(int argc, char** argv) {
   int exit_code = kExitYes;
   add_run_command(program, exit_code);
   add_campaign_command(program, exit_code);
+  add_score_command(program, exit_code);
   add_plant_command(program, exit_code);
   add_controller_command(program, exit_code);
   add_diagnose_command(program, exit_code);

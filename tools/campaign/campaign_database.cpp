@@ -251,13 +251,36 @@ void CampaignDatabase::check_is_campaign() const {
                    "SELECT count(*) FROM sqlite_master WHERE name IN ('campaign', 'axis', 'run')");
   static_cast<void>(tables.step());
   if (tables.integer(0) != 3) throw refuse("other tables");
-  Statement schema(database, "SELECT schema, name, digest, run_count FROM campaign");
+  Statement schema(database,
+                   "SELECT schema, name, digest, run_count, plant, bank, method, version, "
+                   "sampling, sample_time_s, duration_s, dwell, faults, residuals, "
+                   "smallest_faults FROM campaign");
   if (!schema.step()) throw refuse("no campaign in it");
   if (schema.integer(0) != kSchema) {
     throw refuse(fmt::format("schema {} (this version knows {})", schema.integer(0), kSchema));
   }
-  state_->identity = {schema.text(1), schema.text(2),
-                      static_cast<std::uint64_t>(schema.integer(3))};
+  CampaignIdentity& identity = state_->identity;
+  identity = {.name = schema.text(1),
+              .digest = schema.text(2),
+              .run_count = static_cast<std::uint64_t>(schema.integer(3)),
+              .plant = schema.text(4),
+              .bank = schema.text(5),
+              .method = schema.text(6),
+              .version = schema.text(7),
+              .sampling = schema.text(8),
+              .sample_time_s = schema.number(9),
+              .duration_s = schema.number(10),
+              .dwell = schema.integer(11)};
+  try {
+    identity.faults = Json::parse(schema.text(12)).get<std::vector<std::string>>();
+    identity.residuals = Json::parse(schema.text(13)).get<std::vector<std::string>>();
+    const Json sizes = Json::parse(schema.text(14));
+    for (const auto& [fault, size] : sizes.items()) {
+      identity.smallest_faults.emplace(fault, size.get<double>());
+    }
+  } catch (const Json::exception&) {
+    throw refuse("faults, residuals or smallest_faults that are no JSON");
+  }
 }
 
 CampaignDatabase::CampaignDatabase(const std::filesystem::path& file,

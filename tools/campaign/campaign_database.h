@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -23,6 +24,12 @@ class DatabaseError : public std::runtime_error {
 struct CampaignIdentity {
   std::string name, digest;
   std::uint64_t run_count = 0;
+  std::string plant, bank, method, version, sampling;
+  double sample_time_s = 0.0, duration_s = 0.0;
+  std::int64_t dwell = 0;
+  std::vector<std::string> faults, residuals;
+  /// Sizes from which the design promises that a fault is isolated, where it does.
+  std::map<std::string, double, std::less<>> smallest_faults;
 };
 
 /// Counts over the runs that are there.

@@ -117,6 +117,12 @@ std::string html_page(const std::string& title, const std::string& body, const s
   // Only scripts that carry this number run, whatever a name in a log tries: it depends on all that
   // is in the page, so no name can know it.
   const std::string nonce = text_digest(body + data);
+  const std::string scripts =
+      data.empty() ? ""
+                   : fmt::format(
+                         "<script type=\"application/json\" id=\"data\">{1}</script>\n"
+                         "<script nonce=\"{0}\">{2}</script>\n<script nonce=\"{0}\">{3}</script>\n",
+                         nonce, data, assets.dygraph_script, assets.report_script);
   return fmt::format(
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src "
@@ -124,11 +130,9 @@ std::string html_page(const std::string& title, const std::string& body, const s
       "'none'\">"
       "\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
       "<meta name=\"color-scheme\" content=\"light dark\">\n<title>{1}</title>\n"
-      "<link rel=\"icon\" href=\"data:,\">\n<style>{2}\n{3}</style>\n</head>\n<body>\n{4}"
-      "<script type=\"application/json\" id=\"data\">{5}</script>\n"
-      "<script nonce=\"{0}\">{6}</script>\n<script nonce=\"{0}\">{7}</script>\n</body>\n</html>\n",
-      nonce, html(title), assets.dygraph_style, assets.report_style, body, data,
-      assets.dygraph_script, assets.report_script);
+      "<link rel=\"icon\" "
+      "href=\"data:,\">\n<style>{2}\n{3}</style>\n</head>\n<body>\n{4}{5}</body>\n</html>\n",
+      nonce, html(title), assets.dygraph_style, assets.report_style, body, scripts);
 }
 
 std::string report_page(std::vector<RunRecord> records, const std::string& version) {

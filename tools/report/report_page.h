@@ -13,7 +13,8 @@ namespace faultline {
 /// @param version of the program, for the page to tell
 [[nodiscard]] std::string report_page(std::vector<RunRecord> runs, const std::string& version);
 
-/// A page around `body` (HTML) with the charts' `data` (ChartData::json) and all that shows them.
+/// A page around `body` (HTML) with the charts' `data` (ChartData::json) and all that shows them;
+/// with none (""), there is no script in it.
 [[nodiscard]] std::string html_page(const std::string& title, const std::string& body,
                                     const std::string& data);
 
