@@ -29,7 +29,7 @@ bool has_control(const std::string& text) {
 void try_message(std::string_view text) {
   try {
     const inject_t request = parse_viewer_request(text);
-    require(text.size() <= kLongestRequest);
+    require(text.size() <= kLongestRequest && text.find('\0') == std::string_view::npos);
     require(request.target.size() <= 256 && request.kind.size() <= 256);
     require(!has_control(request.target) && !has_control(request.kind));
     require(request.clear != 0 || (!request.target.empty() && !request.kind.empty()));
@@ -42,7 +42,10 @@ void try_message(std::string_view text) {
 void try_headers(std::string_view text) {
   const ViewerAccess access{.token = "sesame", .port = 8080};
   if (access.admits_target(text)) require(text.find("token=sesame") != std::string_view::npos);
-  if (access.admits_host(text)) require(text.find("8080") != std::string_view::npos);
+  if (access.admits_host(text)) {
+    require(text.find("8080") != std::string_view::npos);
+    require(text.find('\0') == std::string_view::npos);
+  }
   if (ViewerAccess::admits_origin(text, "127.0.0.1:8080")) {
     require(text == "http://127.0.0.1:8080");
   }

@@ -1,6 +1,7 @@
 #include "tools/dashboard/dash_server.h"
 
 #include <chrono>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <set>
@@ -13,6 +14,7 @@
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
@@ -44,11 +46,38 @@ constexpr std::chrono::milliseconds kLcmWait{5};
 /// For a request to come, and for an answer to be taken.
 constexpr std::chrono::seconds kHttpPatience{10};
 constexpr std::size_t kLongestHeader = 8192;
+/// What the kernel keeps for a viewer that does not read; it doubles it. By itself it would keep
+/// megabytes, minutes of old states.
+constexpr int kSendBuffer = 32 * 1024;
+/// Until the next try where no connection can be accepted: there are no descriptors left.
+constexpr std::chrono::milliseconds kAcceptPause{100};
 constexpr char kPolicy[] =
     "default-src 'none'; script-src 'self'; style-src 'self'; "
     "connect-src 'self'; img-src data:; frame-ancestors 'none'; base-uri 'none'";
 
 std::string_view view_of(beast::string_view text) { return {text.data(), text.size()}; }
+
+/// The view as messages for viewers, each made when the first of them needs it.
+class Picture {
+ public:
+  explicit Picture(const LiveView& view) : view_(view) {}
+
+  [[nodiscard]] std::uint64_t revision() const noexcept { return view_.run_revision(); }
+  const std::shared_ptr<const std::string>& run() {
+    if (!run_) run_ = std::make_shared<const std::string>(run_json(view_));
+    return run_;
+  }
+  const std::shared_ptr<const std::string>& state() {
+    if (!state_) {
+      state_ = std::make_shared<const std::string>(state_json(view_, LiveView::Clock::now()));
+    }
+    return state_;
+  }
+
+ private:
+  const LiveView& view_;
+  std::shared_ptr<const std::string> run_, state_;
+};
 
 }  // namespace
 
@@ -63,6 +92,8 @@ struct DashServer::State {
   std::string send(inject_t request);
   void broadcast();
   void accept();
+  void admit(Tcp::socket socket);
+  bool make_room();
 
   ViewerAccess access;
   LcmSource source;
@@ -71,7 +102,9 @@ struct DashServer::State {
   std::int64_t requests = 0;
   asio::io_context io{1};
   Tcp::acceptor acceptor{io};
+  asio::steady_timer accept_pause{io};
   std::set<std::shared_ptr<Session>> viewers;
+  std::deque<std::weak_ptr<Session>> newcomers;  ///< who may not have asked yet, the oldest first
   std::size_t connections = 0;
 };
 
@@ -96,22 +129,29 @@ class DashServer::State::Session : public std::enable_shared_from_this<Session> 
                      });
   }
 
-  /// The newest state, unless the last one is still under way.
-  void offer(const std::shared_ptr<const std::string>& run, std::uint64_t revision,
-             const std::shared_ptr<const std::string>& state) {
+  /// The newest state, unless the last message is still under way.
+  void offer(Picture& picture) {
     if (!is_open_ || is_writing_) return;
     if (answer_) {
       write(std::exchange(answer_, nullptr));
-    } else if (revision_ != revision) {
-      revision_ = revision;
-      write(run);
+    } else if (revision_ != picture.revision()) {
+      revision_ = picture.revision();
+      write(picture.run());
     } else {
-      write(state);
+      write(picture.state());
     }
+  }
+
+  [[nodiscard]] bool has_asked() const noexcept { return has_asked_; }
+  /// Its operations end with an error, and with them the session.
+  void close() {
+    ErrorCode ignored;
+    socket_.socket().close(ignored);
   }
 
  private:
   void on_request() {
+    has_asked_ = true;
     const Request& request = parser_->get();
     const std::string_view host = view_of(request[http::field::host]);
     const std::string_view target = view_of(request.target());
@@ -223,7 +263,7 @@ class DashServer::State::Session : public std::enable_shared_from_this<Session> 
   http::response<http::string_body> response_;
   std::shared_ptr<const std::string> under_way_, answer_;
   std::uint64_t revision_ = ~std::uint64_t{0};
-  bool is_open_ = false, is_writing_ = false, is_read_due_ = false;
+  bool has_asked_ = false, is_open_ = false, is_writing_ = false, is_read_due_ = false;
 };
 
 std::string DashServer::State::send(inject_t request) {
@@ -240,22 +280,49 @@ std::string DashServer::State::send(inject_t request) {
 
 void DashServer::State::broadcast() {
   if (viewers.empty()) return view.reset_peaks();
-  const auto state = std::make_shared<const std::string>(state_json(view, LiveView::Clock::now()));
-  const auto run = std::make_shared<const std::string>(run_json(view));
-  view.reset_peaks();
+  Picture picture(view);
   // A viewer that leaves changes the set.
   const std::vector<std::shared_ptr<Session>> all(viewers.begin(), viewers.end());
-  for (const auto& viewer : all) viewer->offer(run, view.run_revision(), state);
+  for (const auto& viewer : all) viewer->offer(picture);
+  view.reset_peaks();
 }
 
 void DashServer::State::accept() {
   acceptor.async_accept([this](ErrorCode error, Tcp::socket socket) {
-    // Beyond so many connections the newest is closed at once.
-    if (!error && connections < 4 * kViewers) {
-      std::make_shared<Session>(std::move(socket), *this)->start();
+    if (error == asio::error::operation_aborted) return;
+    if (!error) {
+      admit(std::move(socket));
+      return accept();
     }
-    if (error != asio::error::operation_aborted) accept();
+    // To try again at once would fail at once, for ever.
+    accept_pause.expires_after(kAcceptPause);
+    accept_pause.async_wait([this](ErrorCode stopped) {
+      if (!stopped) accept();
+    });
   });
+}
+
+void DashServer::State::admit(Tcp::socket socket) {
+  std::erase_if(newcomers, [](const std::weak_ptr<Session>& one) {
+    const auto session = one.lock();
+    return !session || session->has_asked();
+  });
+  if (connections >= kConnections && !make_room()) return;
+  ErrorCode ignored;  // without them it is served all the same
+  socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer), ignored);
+  socket.set_option(Tcp::no_delay(true), ignored);
+  const auto session = std::make_shared<Session>(std::move(socket), *this);
+  newcomers.push_back(session);
+  session->start();
+}
+
+/// False: everyone has asked for something.
+bool DashServer::State::make_room() {
+  if (newcomers.empty()) return false;
+  const auto oldest = newcomers.front().lock();
+  newcomers.pop_front();
+  if (oldest) oldest->close();
+  return true;
 }
 
 DashServer::DashServer(const DashOptions& options) {

@@ -17,11 +17,15 @@ struct DashOptions {
 
 /// The live page: HTTP for its files, a WebSocket (/live) for what the bench says and for requests
 /// to it. Each viewer has one message under way at most and gets the newest state when it has taken
-/// that: a slow one sees fewer states, and nothing piles up. Use from one thread.
+/// that, and the kernel keeps little for it: a slow one sees fewer states, not old ones, and
+/// nothing piles up. Use from one thread.
 class DashServer {
  public:
   /// Viewers at one time; others are told that there is no room.
   static constexpr std::size_t kViewers = 32;
+  /// Connections at one time. Beyond them a new one takes the place of the one that has waited
+  /// longest without asking for anything; if there is none, it is closed.
+  static constexpr std::size_t kConnections = 4 * kViewers;
 
   /// @throws std::invalid_argument a LCM URL that is none, or no token where the address is not
   ///   loopback; std::runtime_error the port is in use, with the address;

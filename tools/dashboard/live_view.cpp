@@ -5,7 +5,6 @@
 #include <string_view>
 #include <utility>
 
-#include <faultline/run_t.hpp>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -23,6 +22,11 @@ namespace {
 constexpr std::chrono::milliseconds kSilence{1500};
 /// Longest text of an event that is kept.
 constexpr std::size_t kEventText = 1000;
+/// Taken into account for each chunk besides its text: a map's node with a string.
+constexpr std::size_t kChunkCost = 128;
+/// The parts of a run that are looked at.
+constexpr std::string_view kDbcPart = "dbc";
+constexpr std::string_view kBankPart = "bank";
 
 template <class Message>
 bool replace(std::optional<Message>& target, const LiveMessage& message, std::string_view layout) {
@@ -37,7 +41,9 @@ bool replace(std::optional<Message>& target, const LiveMessage& message, std::st
 void LiveView::take(const LiveMessage& message) {
   const std::string_view channel = message.channel;
   bool is_read = true;
-  if (channel == kRunChannel) {
+  if (message.data.size() > kLongestMessage) {
+    is_read = false;
+  } else if (channel == kRunChannel) {
     is_read = take_run(message);
   } else if (channel == kResidualChannel) {
     is_read = take_residual(message);
@@ -60,11 +66,13 @@ bool LiveView::is_running(Clock::time_point now) const noexcept {
   return last_heard_ && now - *last_heard_ < kSilence;
 }
 
-void LiveView::begin_run() {
+void LiveView::begin_run(const std::string& run_id) {
+  run_id_ = run_id;
+  parts_ = {};
   bank_.reset();
   dbc_ = {};
   traffic_ = TrafficMonitor(DbcDatabase{}, kIdentifiers);
-  knows_dbc_ = has_tried_bank_ = false;
+  has_tried_dbc_ = has_tried_bank_ = false;
   residual_.reset();
   diagnosis_.reset();
   stats_.reset();
@@ -77,45 +85,60 @@ void LiveView::begin_run() {
 bool LiveView::take_run(const LiveMessage& message) {
   run_t chunk;
   if (!decode_message(message.data, layout::kRun, chunk)) return false;
-  const bool is_known = knows_dbc_ && has_tried_bank_ && chunk.run_id == parts_.run_id();
-  if (is_known) return true;
+  if (revision_ == 0 || chunk.run_id != run_id_) begin_run(chunk.run_id);
   // RUN comes again every few seconds for those who join late.
-  const RunParts::Part* const part =
-      chunk.run_id == parts_.run_id() ? parts_.find(chunk.part) : nullptr;
-  if (part != nullptr && part->chunks.contains(chunk.chunk)) return true;
-  if (run_bytes_ + message.data.size() > kRunBytes) return false;
-  const bool is_first = parts_.run_id().empty();
-  if (parts_.take(chunk) || is_first) begin_run();
-  run_bytes_ += message.data.size();
-  const RunParts::Part* const dbc = parts_.find("dbc");
-  if (!knows_dbc_ && dbc != nullptr && dbc->is_whole()) {
-    knows_dbc_ = true;
-    try {
-      dbc_ = parse_dbc(dbc->text(), dbc->name);
-      traffic_ = TrafficMonitor(dbc_, kIdentifiers);
-      ++revision_;
-    } catch (const std::exception&) {
-      return false;
-    }
+  const bool is_due =
+      (chunk.part == kDbcPart && !has_tried_dbc_) || (chunk.part == kBankPart && !has_tried_bank_);
+  if (!is_due) return true;
+  return keep_chunk(chunk) && read_part(chunk.part);
+}
+
+/// False: it cannot be one of this part, or there is no room for it.
+bool LiveView::keep_chunk(const run_t& chunk) {
+  const RunParts::Part* const part = parts_.find(chunk.part);
+  const bool is_same_text = part != nullptr && part->digest == chunk.digest;
+  const std::int32_t count = is_same_text ? part->chunk_count : chunk.chunk_count;
+  if (chunk.chunk < 0 || chunk.chunk >= count) return false;
+  std::size_t freed = 0;  // of what this chunk takes the place of
+  if (is_same_text) {
+    const auto before = part->chunks.find(chunk.chunk);
+    if (before != part->chunks.end()) freed = kChunkCost + before->second.size();
+  } else if (part != nullptr) {
+    for (const auto& [number, text] : part->chunks) freed += kChunkCost + text.size();
   }
-  const RunParts::Part* const bank = parts_.find("bank");
-  if (!has_tried_bank_ && bank != nullptr && bank->is_whole()) {
-    has_tried_bank_ = true;
-    try {
-      bank_ = parse_bank(bank->text(), bank->name);
-      ++revision_;
-    } catch (const std::exception&) {
-      return false;
-    }
-  }
+  const std::size_t bytes = run_bytes_ - freed + kChunkCost + chunk.data.size();
+  if (bytes > kRunBytes) return false;
+  run_bytes_ = bytes;
+  parts_.take(chunk);
   return true;
+}
+
+/// Once the part is whole. False: it is none.
+bool LiveView::read_part(std::string_view name) {
+  const RunParts::Part* const part = parts_.find(name);
+  if (part == nullptr || !part->is_whole()) return true;
+  try {
+    if (name == kDbcPart) {
+      has_tried_dbc_ = true;
+      dbc_ = parse_dbc(part->text(), part->name);
+      traffic_ = TrafficMonitor(dbc_, kIdentifiers);
+    } else {
+      has_tried_bank_ = true;
+      bank_ = parse_bank(part->text(), part->name);
+    }
+    ++revision_;
+    return true;
+  } catch (const std::exception&) {
+    return false;
+  }
 }
 
 bool LiveView::take_residual(const LiveMessage& message) {
   const std::int64_t before = residual_ ? residual_->sequence : -1;
   if (!replace(residual_, message, layout::kResidual)) return false;
-  const std::int64_t missing = residual_->sequence - before - 1;
-  if (before >= 0 && missing > 0) lost_ += static_cast<std::uint64_t>(missing);
+  if (before >= 0 && residual_->sequence > before) {
+    lost_ += static_cast<std::uint64_t>(residual_->sequence - before - 1);
+  }
   last_heard_ = Clock::now();
   const std::size_t count = std::min(residual_->evaluation.size(), kFilters);
   if (least_.size() != count) {
@@ -177,7 +200,8 @@ std::optional<double> LiveView::verdict_age_s() const {
   if (!diagnosis_ || !bank_) return std::nullopt;
   const std::int64_t now =
       residual_ ? std::max(residual_->cycle, diagnosis_->cycle) : diagnosis_->cycle;
-  return static_cast<double>(now - diagnosis_->since_cycle) * bank_->sample_time_s;
+  return (static_cast<double>(now) - static_cast<double>(diagnosis_->since_cycle)) *
+         bank_->sample_time_s;
 }
 
 }  // namespace faultline

@@ -6,11 +6,13 @@
 #include <deque>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <faultline/diagnosis_t.hpp>
 #include <faultline/event_t.hpp>
 #include <faultline/residual_t.hpp>
+#include <faultline/run_t.hpp>
 #include <faultline/stats_t.hpp>
 #include <faultline/truth_t.hpp>
 
@@ -30,8 +32,10 @@ class LiveView {
   using Clock = std::chrono::steady_clock;
   /// Events kept; older ones are forgotten.
   static constexpr std::size_t kEvents = 32;
-  /// Text of a run's parts taken at most; a bank of 100 filters has some 1 MB.
+  /// Held of a run's parts at most; a bank of 100 filters has some 1 MB.
   static constexpr std::size_t kRunBytes = std::size_t{64} << 20;
+  /// Every message of the bench fits one datagram: what is longer is not its.
+  static constexpr std::size_t kLongestMessage = 65536;
   /// Filters, rows or outputs of one message that are looked at.
   static constexpr std::size_t kFilters = 4096;
 
@@ -41,7 +45,7 @@ class LiveView {
   /// A residual or diagnosis came within the last second.
   [[nodiscard]] bool is_running(Clock::time_point now) const noexcept;
   /// Empty before the first RUN message.
-  [[nodiscard]] const std::string& run_id() const noexcept { return parts_.run_id(); }
+  [[nodiscard]] const std::string& run_id() const noexcept { return run_id_; }
   /// Changes whenever bank(), run_id() or dbc() do.
   [[nodiscard]] std::uint64_t run_revision() const noexcept { return revision_; }
   [[nodiscard]] const std::optional<Bank>& bank() const noexcept { return bank_; }
@@ -57,6 +61,9 @@ class LiveView {
   /// Messages that could not be read; and residuals that numbers say were lost.
   [[nodiscard]] std::uint64_t unreadable() const noexcept { return unreadable_; }
   [[nodiscard]] std::uint64_t lost() const noexcept { return lost_; }
+
+  /// What is held of the run's parts, in bytes, with some for the bookkeeping of each chunk.
+  [[nodiscard]] std::size_t run_bytes() const noexcept { return run_bytes_; }
 
   /// The bank's name of filter i, "residual i+1" before the bank is known.
   [[nodiscard]] std::string filter_name(std::size_t i) const;
@@ -75,12 +82,15 @@ class LiveView {
   bool take_residual(const LiveMessage& message);
   bool take_frames(const LiveMessage& message);
   bool take_event(const LiveMessage& message);
-  void begin_run();
+  bool keep_chunk(const run_t& chunk);
+  bool read_part(std::string_view name);
+  void begin_run(const std::string& run_id);
 
-  RunParts parts_;
+  std::string run_id_;
+  RunParts parts_;  ///< dbc and bank alone
   std::size_t run_bytes_ = 0;
   std::uint64_t revision_ = 0;
-  bool knows_dbc_ = false, has_tried_bank_ = false;
+  bool has_tried_dbc_ = false, has_tried_bank_ = false;
   std::optional<Bank> bank_;
   DbcDatabase dbc_;
   TrafficMonitor traffic_{DbcDatabase{}, kIdentifiers};

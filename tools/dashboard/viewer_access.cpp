@@ -18,8 +18,10 @@ HostAndPort split_port(std::string_view text) {
   const std::size_t bracket = text.starts_with('[') ? text.find(']') : std::string_view::npos;
   if (bracket != std::string_view::npos) {
     const std::string_view rest = text.substr(bracket + 1);
+    // What follows the bracket without a colon is no port, and no host either.
+    if (!rest.empty() && !rest.starts_with(':')) return {std::string(text), {}};
     return {std::string(text.substr(1, bracket - 1)),
-            std::string(rest.starts_with(':') ? rest.substr(1) : rest)};
+            std::string(rest.empty() ? rest : rest.substr(1))};
   }
   const std::size_t colon = text.rfind(':');
   if (colon == std::string_view::npos) return {std::string(text), {}};
@@ -62,6 +64,8 @@ bool is_same_secret(std::string_view a, std::string_view b) noexcept {
 }
 
 bool ViewerAccess::admits_host(std::string_view host) const {
+  // An address is read up to a NUL.
+  if (host.find('\0') != std::string_view::npos) return false;
   const HostAndPort parts = split_port(host);
   std::uint16_t named = 80;
   if (!parts.port.empty() && !read_port(parts.port, named)) return false;

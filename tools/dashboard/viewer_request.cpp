@@ -53,6 +53,10 @@ inject_t parse_viewer_request(std::string_view text) {
     throw ViewerRequestError(
         fmt::format("found {} bytes, expected {} at most", text.size(), kLongestRequest));
   }
+  // The parser takes a NUL for the end of the text.
+  if (text.find('\0') != std::string_view::npos) {
+    throw ViewerRequestError("found no JSON, expected a JSON object without NUL");
+  }
   const Json request = Json::parse(text.begin(), text.end(), nullptr, false);
   if (!request.is_object()) {
     throw ViewerRequestError(request.is_discarded() ? "found no JSON, expected a JSON object"
