@@ -74,7 +74,10 @@ class ChromiumPage:
             self.complaints.append(json.dumps(parameters["entry"]))
 
     def go(self, url):
-        self.call("Page.navigate", url=url)
+        """To the page, once it is read."""
+        error = self.call("Page.navigate", url=url).get("errorText")
+        assert not error, f"{url}: {error}"
+        self.await_true(f'document.readyState === "complete" && location.href === {json.dumps(url)}', START_S)
 
     def evaluate(self, expression):
         """The value of an expression of JavaScript; of a promise what it comes to."""
