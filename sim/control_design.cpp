@@ -102,7 +102,7 @@ MatrixXd pick_rows(const MatrixXd& M, const std::vector<Index>& rows) {
 
 }  // namespace
 
-SampledPlant sample_plant(const PlantModel& model, double sample_time_s) {
+DiscretePlant sample_plant(const PlantModel& model, double sample_time_s) {
   const MatrixXd A = linearised_A(model);
   if (model.time == TimeDomain::kDiscrete) return {A, model.B, model.C, model.D};
   SampledSystem sampled = discretize_zoh(A, model.B, sample_time_s);
@@ -123,7 +123,7 @@ std::vector<Pole> poles_of(const MatrixXd& A) {
   return poles;
 }
 
-std::vector<Pole> closed_loop_poles(const SampledPlant& plant, const LinearController& controller) {
+std::vector<Pole> closed_loop_poles(const DiscretePlant& plant, const LinearController& controller) {
   const Index n = plant.A.rows(), m = plant.B.cols(), p = controller.F.rows();
   MatrixXd loop(n + m + p, n + m + p);
   loop.topRows(n) << plant.A, plant.B, MatrixXd::Zero(n, p);
@@ -132,12 +132,12 @@ std::vector<Pole> closed_loop_poles(const SampledPlant& plant, const LinearContr
   return poles_of(loop);
 }
 
-void check_detectable(const SampledPlant& plant, const std::vector<std::string>& state_names) {
+void check_detectable(const DiscretePlant& plant, const std::vector<std::string>& state_names) {
   refuse_hidden_mode(plant.A, plant.C, state_names,
                      "which no output shows, expected every mode that does not decay to be seen");
 }
 
-void check_stabilisable(const SampledPlant& plant, const std::vector<std::string>& state_names) {
+void check_stabilisable(const DiscretePlant& plant, const std::vector<std::string>& state_names) {
   refuse_hidden_mode(plant.A.transpose(), plant.B.transpose(), state_names,
                      "which no input moves, expected every mode that does not decay to be held");
 }
@@ -167,14 +167,14 @@ NoiseCovariances noise_covariances(const PlantModel& model, double sample_time_s
   return covariances;
 }
 
-MatrixXd kalman_gain(const SampledPlant& plant, const NoiseCovariances& covariances,
+MatrixXd kalman_gain(const DiscretePlant& plant, const NoiseCovariances& covariances,
                      const std::vector<std::string>& state_names) {
   check_detectable(plant, state_names);
   return lqr_gain(plant.A.transpose(), plant.C.transpose(), covariances.Q_w, covariances.R_v)
       .transpose();
 }
 
-SteadyState steady_state(const SampledPlant& plant, const std::vector<Index>& outputs) {
+SteadyState steady_state(const DiscretePlant& plant, const std::vector<Index>& outputs) {
   const Index n = plant.A.rows(), m = plant.B.cols(), q = plant.C.rows();
   const auto picked = static_cast<Index>(outputs.size());
   MatrixXd equations(n + picked, n + m);
@@ -186,7 +186,7 @@ SteadyState steady_state(const SampledPlant& plant, const std::vector<Index>& ou
   return {solution.topRows(n), solution.bottomRows(m)};
 }
 
-double SteadyState::miss(const SampledPlant& plant, const std::vector<Index>& outputs,
+double SteadyState::miss(const DiscretePlant& plant, const std::vector<Index>& outputs,
                          const VectorXd& r) const {
   const VectorXd x = N_x * r, u = N_u * r;
   const VectorXd y = plant.C * x + plant.D * u - r;

@@ -16,13 +16,13 @@ namespace faultline {
 ///   x_k+1 = A x_k + B u_k,  y_k = C x_k + D u_k
 ///
 /// A n×n, B n×m, C q×n, D q×m; deviations.
-struct SampledPlant {
+struct DiscretePlant {
   Eigen::MatrixXd A, B, C, D;
 };
 
 /// Linearised there first, nonlinearities by their slope at zero, and sampled exactly (a plant in
 /// discrete time is taken as it is). @param sample_time_s > 0
-[[nodiscard]] SampledPlant sample_plant(const PlantModel& model, double sample_time_s);
+[[nodiscard]] DiscretePlant sample_plant(const PlantModel& model, double sample_time_s);
 
 /// A linear controller, in deviations:
 ///
@@ -39,7 +39,7 @@ struct LinearController {
 /// The poles of a plant and a controller on one bus, where the command of cycle k acts from k+1 on:
 /// the eigenvalues of (x, u_acting, ξ) → its successor. n + m + p of them, the largest first.
 [[nodiscard]] std::vector<std::complex<double>> closed_loop_poles(
-    const SampledPlant& plant, const LinearController& controller);
+    const DiscretePlant& plant, const LinearController& controller);
 
 /// Eigenvalues, the largest first.
 [[nodiscard]] std::vector<std::complex<double>> poles_of(const Eigen::MatrixXd& A);
@@ -47,10 +47,10 @@ struct LinearController {
 /// Checks that every mode of the plant that does not decay is seen by the outputs: the PBH test,
 /// rank [A - λI; C] = n for every eigenvalue |λ| >= 1.
 /// @throws std::invalid_argument one is not: names it and the state that it moves most.
-void check_detectable(const SampledPlant& plant, const std::vector<std::string>& state_names);
+void check_detectable(const DiscretePlant& plant, const std::vector<std::string>& state_names);
 /// The same of the inputs: rank [A - λI, B] = n.
 /// @throws std::invalid_argument likewise, of the state that no input holds.
-void check_stabilisable(const SampledPlant& plant, const std::vector<std::string>& state_names);
+void check_stabilisable(const DiscretePlant& plant, const std::vector<std::string>& state_names);
 
 /// Process and measurement noise, as covariances per sample.
 struct NoiseCovariances {
@@ -67,7 +67,7 @@ struct NoiseCovariances {
 /// Stationary Kalman predictor x̂_k+1 = A x̂_k + B u_k + L (y_k - C x̂_k - D u_k):
 /// L = A P Cᵀ (C P Cᵀ + R_v)⁻¹, P the stabilising solution of the dual Riccati equation. n×q.
 /// @throws std::invalid_argument as check_detectable and solve_dare.
-[[nodiscard]] Eigen::MatrixXd kalman_gain(const SampledPlant& plant,
+[[nodiscard]] Eigen::MatrixXd kalman_gain(const DiscretePlant& plant,
                                           const NoiseCovariances& covariances,
                                           const std::vector<std::string>& state_names);
 
@@ -80,10 +80,10 @@ struct SteadyState {
   Eigen::MatrixXd N_x, N_u;
 
   /// |x - A x - B u| + |S (C x + D u - r)|, relative to |r|: 0 where r can be held.
-  [[nodiscard]] double miss(const SampledPlant& plant, const std::vector<Eigen::Index>& outputs,
+  [[nodiscard]] double miss(const DiscretePlant& plant, const std::vector<Eigen::Index>& outputs,
                             const Eigen::VectorXd& r) const;
 };
-[[nodiscard]] SteadyState steady_state(const SampledPlant& plant,
+[[nodiscard]] SteadyState steady_state(const DiscretePlant& plant,
                                        const std::vector<Eigen::Index>& outputs);
 
 /// C⁺, n×q: the smallest x with C x nearest to y.

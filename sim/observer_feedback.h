@@ -20,7 +20,7 @@ namespace faultline {
 /// u_k is the command that acts at k: the one before, as it was sent, limits included, so that a
 /// saturated actuator does not mislead the observer.
 struct ObserverLaw {
-  SampledPlant plant;
+  DiscretePlant plant;
   Eigen::MatrixXd K;    ///< m×n
   Eigen::MatrixXd L;    ///< n×q
   SteadyState target;   ///< of the outputs that have a reference

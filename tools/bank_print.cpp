@@ -8,6 +8,7 @@
 #include <fmt/ranges.h>
 
 #include "tools/observer_print.h"
+#include "tools/threshold_print.h"
 
 namespace faultline {
 namespace {
@@ -234,6 +235,7 @@ void print_bank(std::FILE* out, const Bank& bank) {
   print_faults(out, bank);
   print_isolability(out, bank);
   print_observer_proofs(out, bank);
+  print_thresholds(out, bank);
 }
 
 }  // namespace faultline

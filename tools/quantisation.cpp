@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "diagnosis/certify/residual_evaluation.h"
 #include "diagnosis/certify/sample_error.h"
 #include "drivers/dbc/dbc_parser.h"
 #include "drivers/signal/signal_map.h"
@@ -25,18 +26,19 @@ std::vector<QuantisationError> quantisation_errors(const Bank& bank,
   std::vector<QuantisationError> errors;
   for (const ResidualFilter& filter : bank.filters) {
     const SampleErrorGain gain = sample_error_gain(filter);
-    QuantisationError error{filter.name, filter.threshold, 0.0, {}};
+    const ResidualEvaluation evaluation(filter);
+    QuantisationError error{filter.name, evaluation.threshold(), 0.0, {}};
     Eigen::VectorXd total = Eigen::VectorXd::Zero(filter.H.rows());
     const auto add = [&](const Eigen::MatrixXd& of, const std::vector<double>& resolution) {
       for (std::size_t i = 0; i < resolution.size(); ++i) {
         const Eigen::VectorXd share = 0.5 * resolution[i] * of.col(static_cast<Eigen::Index>(i));
-        error.per_signal.push_back(share.norm());
+        error.per_signal.push_back(evaluation.largest(share));
         total += share;
       }
     };
     add(gain.output, map.output_resolution);
     add(gain.input, map.input_resolution);
-    error.total = total.norm();
+    error.total = evaluation.largest(total);
     errors.push_back(std::move(error));
   }
   return errors;

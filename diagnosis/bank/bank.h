@@ -103,6 +103,68 @@ struct ThresholdCourse {
   Eigen::MatrixXd component;  ///< r̄(k), samples×rows: the componentwise one; > 0, as many
 };
 
+/// Where the thresholds of a bank come from, and what certified ones reckon with beyond the plant
+/// file.
+struct ThresholdBasis {
+  enum class Kind {
+    kGiven,       ///< a number in bank.toml; of method "uio": from the plant's bounds
+    kCertified,   ///< proved by diagnosis/certify
+    kCalibrated,  ///< from fault-free logs (`faultline calibrate`)
+  };
+  Kind kind = Kind::kGiven;
+  Eigen::VectorXd output_resolution;  ///< q: one LSB of each; the error is half of it
+  double jitter_s = 0.0;              ///< a command acts up to this late within its cycle
+  /// Of the whole bank, by noise whose sigma is known; 0: every source has a bound.
+  double false_alarms_per_h = 0.0;
+};
+
+/// What bounds a residual without a fault, row by row: what each kind of source does at its worst.
+struct ThresholdShares {
+  std::vector<double> disturbance;  ///< [[disturbance]] that is not decoupled
+  std::vector<double> noise;        ///< [[noise]] by its bound
+  std::vector<double> resolution;   ///< half an LSB of every signal
+  std::vector<double> leakage;      ///< inputs and decoupled disturbances, after discretisation
+  std::vector<double> jitter;       ///< commands that act late
+  std::vector<double> gaussian;     ///< [[noise]] by its sigma, at the false-alarm rate asked for
+};
+
+/// How evaluations become an alarm: beside the plain comparison tests that add up what they see.
+///
+/// They need a residual that is white, of unit covariance, without a fault: the filter has the
+/// whitening in it. With s_k = r_k,i, row by row, and b_i what bounded sources add to it at most,
+///
+///   kCusum: g±_k = min(max(0, g±_k-1 ± s_k - b_i - κ), 2 h)   Page (1954)
+///   kGlr:   g_k = max_j max(0, |s_k-j+1 + .. + s_k| - j b_i)² / (2 j),  1 <= j <= window
+///
+/// Evaluation signal: the largest over rows and signs; it fires above the threshold h.
+enum class TestKind { kComparison, kCusum, kGlr };
+
+struct SequentialTest {
+  TestKind kind = TestKind::kCusum;
+  double reference = 0.0;      ///< κ, in standard deviations: half of the shift it is tuned to
+  std::uint32_t window = 0;    ///< of kGlr, samples
+  std::vector<double> offset;  ///< b, rows
+};
+
+/// Longest window of a GLR test.
+inline constexpr std::uint32_t kMaxGlrWindow = 10'000;
+
+/// Where a calibrated threshold comes from: a generalised Pareto tail, fitted to what the evaluation
+/// signal exceeded for `dwell` samples in fault-free logs.
+struct Calibration {
+  double hours = 0.0;                ///< of the fault-free record that was fitted
+  std::uint32_t exceedances = 0;     ///< independent ones (clusters) above `level`
+  double level = 0.0;                ///< u
+  double scale = 0.0;                ///< σ > 0
+  double shape = 0.0;                ///< ξ
+  double false_alarms_per_h = 0.0;   ///< of this residual at its threshold
+  double rate_low_per_h = 0.0;       ///< 95 % confidence interval of that
+  double rate_high_per_h = 0.0;
+  double held_out_hours = 0.0;       ///< of the record that was not fitted
+  double held_out_expected = 0.0;    ///< exceedances of `level` in it
+  std::uint32_t held_out_found = 0;
+};
+
 /// Its residual is an estimate of the size of a fault. Proved, with all noises, disturbances and
 /// slopes within their bounds: if no fault but this one acts, and it has been constant for
 /// `settle_samples` since it began, up to its size, then |r - m| <= bound (once the part of the
@@ -192,6 +254,9 @@ struct ResidualFilter {
   std::optional<ThresholdCourse> course{};      ///< absent: τ at all times
   std::optional<FaultEstimation> estimation{};  ///< if its residual is an estimate
   std::optional<ObserverCertificate> observer{};
+  std::optional<SequentialTest> test{};         ///< absent: plain comparison
+  std::optional<ThresholdShares> shares{};      ///< of certified thresholds of linear filters
+  std::optional<Calibration> calibration{};
   FilterCertificate certificate;
 };
 
@@ -272,6 +337,7 @@ struct Bank {
   Eigen::VectorXd u_operating, y_operating;   ///< subtracted from the samples before the filters
   std::vector<ResidualFilter> filters;
   DecisionRule decision;
+  ThresholdBasis thresholds;
   IsolabilityCertificate isolability;
 
   /// Rows of all filters' residuals, stacked in order.

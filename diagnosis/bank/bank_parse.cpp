@@ -94,11 +94,71 @@ void read_matrices(const std::vector<JsonCursor>& at, const Bank& bank, Residual
   }
 }
 
+SequentialTest read_test(const JsonCursor& object, std::size_t rows) {
+  const std::vector<JsonCursor> at = object.members({"kind", "reference", "window", "offset"});
+  SequentialTest test;
+  test.kind = at[0].choice({"cusum", "glr"}) == 0 ? TestKind::kCusum : TestKind::kGlr;
+  test.reference = at[1].not_negative();
+  test.window = at[2].count(test.kind == TestKind::kGlr ? 1 : 0);
+  if (test.kind == TestKind::kCusum && test.reference <= 0.0) {
+    throw at[1].expected("a positive number");
+  }
+  if (test.window > kMaxGlrWindow) {
+    throw at[2].expected(fmt::format("at most {}", kMaxGlrWindow));
+  }
+  test.offset = at[3].not_negatives(rows);
+  return test;
+}
+
+ThresholdShares read_shares(const JsonCursor& object, std::size_t rows) {
+  const std::vector<JsonCursor> at = object.members(
+      {"disturbance", "noise", "resolution", "leakage", "jitter", "gaussian"});
+  return {at[0].not_negatives(rows), at[1].not_negatives(rows), at[2].not_negatives(rows),
+          at[3].not_negatives(rows), at[4].not_negatives(rows), at[5].not_negatives(rows)};
+}
+
+Calibration read_calibration(const JsonCursor& object) {
+  const std::vector<JsonCursor> at = object.members(
+      {"hours", "exceedances", "level", "scale", "shape", "false_alarms_per_h", "rate_low_per_h",
+       "rate_high_per_h", "held_out_hours", "held_out_expected", "held_out_found"});
+  Calibration calibration;
+  calibration.hours = at[0].positive();
+  calibration.exceedances = at[1].count(1);
+  calibration.level = at[2].not_negative();
+  calibration.scale = at[3].positive();
+  calibration.shape = at[4].number();
+  calibration.false_alarms_per_h = at[5].positive();
+  calibration.rate_low_per_h = at[6].not_negative();
+  calibration.rate_high_per_h = at[7].positive();
+  calibration.held_out_hours = at[8].positive();
+  calibration.held_out_expected = at[9].not_negative();
+  calibration.held_out_found = at[10].count(0);
+  return calibration;
+}
+
+ThresholdBasis read_thresholds(const JsonCursor& object, const Bank& bank) {
+  using Kind = ThresholdBasis::Kind;
+  const std::vector<JsonCursor> at =
+      object.members({"kind", "output_resolution", "jitter_s", "false_alarms_per_h"});
+  constexpr std::array kKinds = {Kind::kGiven, Kind::kCertified, Kind::kCalibrated};
+  ThresholdBasis basis;
+  basis.kind = kKinds[at[0].choice({"given", "certified", "calibrated"})];
+  if (!at[1].elements().empty()) {
+    basis.output_resolution = at[1].vector(bank.output_names.size());
+    for (const JsonCursor& resolution : at[1].elements()) {
+      static_cast<void>(resolution.not_negative());
+    }
+  }
+  basis.jitter_s = at[2].not_negative();
+  basis.false_alarms_per_h = at[3].not_negative();
+  return basis;
+}
+
 ResidualFilter read_filter(const JsonCursor& object, const Bank& bank) {
   const std::vector<JsonCursor> at =
       object.members({"F", "E", "G", "M", "H", "K", "L", "J", "name", "ignores", "sees",
                       "threshold", "forget_samples", "certificate"},
-                     {"observer"});
+                     {"observer", "test", "shares", "calibration"});
   ResidualFilter filter;
   filter.name = at[8].string();
   filter.ignores = at[9].indices(bank.fault_names);
@@ -110,6 +170,15 @@ ResidualFilter read_filter(const JsonCursor& object, const Bank& bank) {
   filter.certificate = read_certificate(at[13], bank);
   if (const std::optional<JsonCursor> observer = object.member("observer")) {
     read_observer(*observer, bank, filter);
+  }
+  const auto rows = static_cast<std::size_t>(filter.H.rows());
+  if (const auto test = object.member("test")) {
+    filter.test = read_test(*test, rows);
+    if (filter.course) throw test->error("found it beside a course, expected one of the two");
+  }
+  if (const auto shares = object.member("shares")) filter.shares = read_shares(*shares, rows);
+  if (const auto calibration = object.member("calibration")) {
+    filter.calibration = read_calibration(*calibration);
   }
   return filter;
 }
@@ -200,7 +269,8 @@ Bank read_tree(const JsonCursor& root) {
   const std::vector<JsonCursor> at =
       root.members({"inputs", "outputs", "faults", "fault_sizes", "operating_point", "schema",
                     "name", "method", "plant", "request_digest", "domain", "sample_time_s",
-                    "concurrent", "disturbances", "decision", "isolability", "filters"});
+                    "concurrent", "disturbances", "decision", "isolability", "filters"},
+                   {"thresholds"});
   Bank bank;
   if (at[5].count(0) != 1) {
     throw at[5].expected("1");
@@ -225,6 +295,9 @@ Bank read_tree(const JsonCursor& root) {
   bank.decision.settle = decision[1].count(1);
   bank.decision.window = decision[2].count(1);
   if (const auto clearing = at[14].member("clearing")) bank.decision.clearing = clearing->count(1);
+  if (const auto thresholds = root.member("thresholds")) {
+    bank.thresholds = read_thresholds(*thresholds, bank);
+  }
   bank.isolability = read_isolability(at[15], bank);
   read_filters(at[16], bank);
   return bank;

@@ -80,6 +80,45 @@ std::string certificate_text(const FilterCertificate& certificate) {
   return text;
 }
 
+std::string thresholds_text(const ThresholdBasis& basis) {
+  using Kind = ThresholdBasis::Kind;
+  return fmt::format(
+      "{{\"kind\": \"{}\", \"output_resolution\": {}, \"jitter_s\": {}, "
+      "\"false_alarms_per_h\": {}}}",
+      basis.kind == Kind::kGiven       ? "given"
+      : basis.kind == Kind::kCertified ? "certified"
+                                       : "calibrated",
+      number_list(basis.output_resolution), json_number(basis.jitter_s),
+      json_number(basis.false_alarms_per_h));
+}
+
+std::string test_text(const SequentialTest& test) {
+  return fmt::format(
+      "{{\"kind\": \"{}\", \"reference\": {}, \"window\": {}, \"offset\": {}}}",
+      test.kind == TestKind::kCusum ? "cusum" : "glr", json_number(test.reference), test.window,
+      number_list(test.offset));
+}
+
+std::string shares_text(const ThresholdShares& shares) {
+  return fmt::format(
+      "{{\"disturbance\": {}, \"noise\": {}, \"resolution\": {}, \"leakage\": {}, \"jitter\": {}, "
+      "\"gaussian\": {}}}",
+      number_list(shares.disturbance), number_list(shares.noise), number_list(shares.resolution),
+      number_list(shares.leakage), number_list(shares.jitter), number_list(shares.gaussian));
+}
+
+std::string calibration_text(const Calibration& calibration) {
+  return fmt::format(
+      "{{\"hours\": {}, \"exceedances\": {}, \"level\": {}, \"scale\": {}, \"shape\": {}, "
+      "\"false_alarms_per_h\": {}, \"rate_low_per_h\": {}, \"rate_high_per_h\": {}, "
+      "\"held_out_hours\": {}, \"held_out_expected\": {}, \"held_out_found\": {}}}",
+      json_number(calibration.hours), calibration.exceedances, json_number(calibration.level),
+      json_number(calibration.scale), json_number(calibration.shape),
+      json_number(calibration.false_alarms_per_h), json_number(calibration.rate_low_per_h),
+      json_number(calibration.rate_high_per_h), json_number(calibration.held_out_hours),
+      json_number(calibration.held_out_expected), calibration.held_out_found);
+}
+
 std::string filter_text(const Bank& bank, const ResidualFilter& filter) {
   // Column of a matrix's second row: under its first.
   constexpr int kRowIndent = 12;
@@ -98,6 +137,11 @@ std::string filter_text(const Bank& bank, const ResidualFilter& filter) {
   text += fmt::format("      \"forget_samples\": {},\n", filter.forget_samples);
   if (is_observer(filter)) {
     text += fmt::format("      \"observer\": {},\n", observer_text(bank, filter));
+  }
+  if (filter.test) text += fmt::format("      \"test\": {},\n", test_text(*filter.test));
+  if (filter.shares) text += fmt::format("      \"shares\": {},\n", shares_text(*filter.shares));
+  if (filter.calibration) {
+    text += fmt::format("      \"calibration\": {},\n", calibration_text(*filter.calibration));
   }
   text += fmt::format("      \"certificate\": {}\n    }}", certificate_text(filter.certificate));
   return text;
@@ -130,6 +174,10 @@ std::string bank_text(const Bank& bank) {
       "  \"decision\": {{\"dwell\": {}, \"settle\": {}, \"window\": {}{}}},\n", bank.decision.dwell,
       bank.decision.settle, bank.decision.window,
       bank.decision.clearing == 0 ? "" : fmt::format(", \"clearing\": {}", bank.decision.clearing));
+  if (bank.thresholds.kind != ThresholdBasis::Kind::kGiven ||
+      bank.thresholds.output_resolution.size() > 0) {
+    text += fmt::format("  \"thresholds\": {},\n", thresholds_text(bank.thresholds));
+  }
   text += fmt::format("  \"isolability\": {},\n", isolability_text(bank));
   text += fmt::format("  \"filters\": [\n{}\n  ]\n}}\n", fmt::join(filters, ",\n"));
   return text;

@@ -7,6 +7,7 @@
 
 #include "diagnosis/certify/filter_proof.h"
 #include "diagnosis/certify/isolability.h"
+#include "diagnosis/certify/linear_thresholds.h"
 #include "diagnosis/certify/observer_proof.h"
 
 namespace faultline {
@@ -30,6 +31,12 @@ void certify(const PlantModel& plant, Bank& bank) {
     if (filter.observer) certify_observer(plant, bank, filter);
   }
   BankProof proof(plant, bank);
+  if (bank.thresholds.kind == ThresholdBasis::Kind::kCertified) {
+    const LinearThresholdProof thresholds(plant, bank, proof.sampled_plant());
+    for (ResidualFilter& filter : bank.filters) {
+      if (!filter.observer) certify_linear_thresholds(plant, thresholds, filter);
+    }
+  }
   for (ResidualFilter& filter : bank.filters) {
     filter.certificate = proof.prove(filter).certificate;
   }

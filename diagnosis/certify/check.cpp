@@ -11,6 +11,7 @@
 
 #include "diagnosis/certify/check_filter.h"
 #include "diagnosis/certify/check_observer.h"
+#include "diagnosis/certify/check_thresholds.h"
 #include "diagnosis/certify/filter_proof.h"
 #include "diagnosis/certify/findings.h"
 #include "diagnosis/certify/isolability.h"
@@ -117,8 +118,12 @@ CheckResult check_bank(const PlantModel& plant, const Bank& bank) {
   }
   try {
     BankProof proof(plant, bank);
+    const LinearThresholdProof thresholds(plant, bank, proof.sampled_plant());
     for (const ResidualFilter& filter : bank.filters) {
       check_observer(plant, bank, filter, result);
+      if (!filter.observer && bank.thresholds.kind == ThresholdBasis::Kind::kCertified) {
+        check_thresholds(thresholds, filter, result);
+      }
       try {
         const FilterProof found = proof.prove(filter);
         check_filter(plant, bank, filter, found, result);

@@ -42,6 +42,8 @@ struct CheckResult {
 ///   its band (a smaller one is true, too); thresholds, sample by sample, bound and times of its
 ///   estimate, that are not what is recomputed; of any other filter: such claims at all. Drift
 ///   bounds need only be positive: thresholds are those without a fault;
+/// - of a linear filter with certified thresholds: thresholds and shares that are not what is
+///   recomputed, or that nothing proves;
 /// - any number of a certificate that differs from the recomputed one by more than 1e-6 of it and
 ///   more than the rounding errors of its terms, and any difference in `isolability`.
 ///

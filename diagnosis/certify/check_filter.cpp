@@ -12,6 +12,7 @@
 
 #include "diagnosis/certify/findings.h"
 #include "diagnosis/certify/forgetting.h"
+#include "diagnosis/certify/linear_thresholds.h"
 
 namespace faultline {
 namespace {
@@ -143,8 +144,11 @@ class FilterCheck {
 
   void check_forgetting() {
     // A larger threshold is forgotten sooner.
-    const std::uint32_t at_least = samples_to_forget(plant_, filter_, 1.0 + kThresholdSlack);
-    const std::uint32_t at_most = samples_to_forget(plant_, filter_, 1.0 - kThresholdSlack);
+    const auto samples = bank_.thresholds.kind == ThresholdBasis::Kind::kCertified
+                             ? &certified_forget_samples
+                             : &samples_to_forget;
+    const std::uint32_t at_least = samples(plant_, filter_, 1.0 + kThresholdSlack);
+    const std::uint32_t at_most = samples(plant_, filter_, 1.0 - kThresholdSlack);
     if (filter_.forget_samples < at_least || filter_.forget_samples > at_most) {
       findings_.add("samples that a bad sample contaminates it for",
                     fmt::format("{}", filter_.forget_samples), fmt::format("{}", at_least));

@@ -157,6 +157,46 @@ double FilterLoop::band() const {
                                   : std::max(std::round(rate * kDigits), 1.0) / kDigits;
 }
 
+StableSystem FilterLoop::stacked(Source source) const {
+  const Index d = F_.rows();
+  const Index n_2 = plant_.A_22().rows();
+  StableSystem system;
+  system.A = MatrixXd::Zero(d + n_2, d + n_2);
+  system.A << F_, -E_ * plant_.C_2() - V_1_ * plant_.A_12(), MatrixXd::Zero(n_2, d), plant_.A_22();
+  system.C.resize(H_.rows(), d + n_2);
+  system.C << M_, -H_ * plant_.C_2();
+  switch (source) {
+    case Source::kPlant: {
+      const Index m = G_.cols();
+      system.B.resize(d + n_2, plant_.inputs());
+      system.B << -E_ * plant_.D() - V_1_ * plant_.B_1(), plant_.B_2();
+      system.B.topLeftCorner(d, m) += G_;
+      system.D = -H_ * plant_.D();
+      system.D.leftCols(m) += K_;
+      break;
+    }
+    case Source::kOutput:
+      system.B = MatrixXd::Zero(d + n_2, E_.cols());
+      system.B.topRows(d) = -E_;
+      system.D = -H_;
+      break;
+    case Source::kState: {
+      const MatrixXd& split = plant_.coordinates();
+      const Index n_1 = V_1_.cols();
+      system.B.resize(d + n_2, split.cols());
+      system.B << -V_1_ * split.topRows(n_1), split.bottomRows(n_2);
+      system.D = MatrixXd::Zero(H_.rows(), split.cols());
+      break;
+    }
+  }
+  return system;
+}
+
+MatrixXd FilterLoop::uncancelled() const {
+  const MatrixXcd in_modes = plant_.Z().adjoint() * plant_.coordinates().topRows(V_1_.cols());
+  return (N_1_ * in_modes).real();
+}
+
 FilterLoop::FaultStep::FaultStep(const SampledPlant& plant, const FilterLoop& loop)
     : loop_(loop), plant_(plant), e_(MatrixXd::Zero(loop.F_.rows(), loop.L_.cols())) {}
 

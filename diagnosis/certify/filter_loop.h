@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 
 #include "diagnosis/bank/bank.h"
+#include "diagnosis/certify/l1_norm.h"
 #include "diagnosis/certify/residual_evaluation.h"
 #include "diagnosis/certify/sampled_plant.h"
 
@@ -64,6 +65,18 @@ class FilterLoop {
     Eigen::MatrixXd e_, next_, r_;
     Eigen::VectorXd evaluations_;
   };
+
+  /// Filter and plant as one stable system with the states (e, ξ_2): what reaches the residual but
+  /// for N_1 ξ_1. Columns of B and D in this order:
+  enum class Source {
+    kPlant,   ///< inputs of the sampled plant: m inputs, k faults, l disturbances
+    kOutput,  ///< errors of the samples of y: q
+    kState,   ///< the plant's state moves by that much, in its own coordinates: n
+  };
+  [[nodiscard]] StableSystem stacked(Source source) const;
+  /// N_1 ξ_1 per state of the plant, in its own coordinates: rows×n; zero where every slow mode is
+  /// cancelled.
+  [[nodiscard]] Eigen::MatrixXd uncancelled() const;
 
  private:
   void reduce();

@@ -47,6 +47,20 @@ double response_tolerance(const PlantModel& plant, const Bank& bank) {
   return std::clamp(A.norm() * bank.sample_time_s, kExactResponse, kLeastResponse);
 }
 
+// Samples in which a sequential test adds up to its threshold what a fault of twice the smallest
+// leaves above it, without noise.
+std::size_t samples_to_add_up(const ResidualFilter& filter) {
+  if (!filter.test) return 0;
+  const SequentialTest& test = *filter.test;
+  const double h = filter.threshold;
+  const double offset = *std::min_element(test.offset.begin(), test.offset.end());
+  if (test.kind == TestKind::kCusum) {
+    return static_cast<std::size_t>(std::ceil(h / (test.reference + offset)));
+  }
+  const double above = 2.0 * std::sqrt(2.0 * h / test.window) + offset;
+  return static_cast<std::size_t>(std::ceil(2.0 * h / (above * above)));
+}
+
 // Norms of a step response per unit of one fault, as they come.
 class StepRecord {
  public:
@@ -84,8 +98,12 @@ class StepRecord {
 // Goes through the samples of the fault steps until every number asked for is known.
 class FiringAnalysis {
  public:
-  FiringAnalysis(const Bank& bank, const ResidualFilter& filter, const std::vector<double>& sizes)
-      : bank_(bank), filter_(filter), dwell_(std::max(bank.decision.dwell, 1u)) {
+  FiringAnalysis(const Bank& bank, const ResidualFilter& filter, double threshold,
+                 const std::vector<double>& sizes)
+      : bank_(bank),
+        filter_(filter),
+        threshold_(threshold),
+        dwell_(std::max(bank.decision.dwell, 1u)) {
     for (std::size_t j = 0; j < filter.sees.size(); ++j) {
       records_.emplace_back(dwell_);
       const bool is_steady = filter.sees[j] == Sensitivity::kSteady && sizes[j] > 0.0;
@@ -111,18 +129,19 @@ class FiringAnalysis {
   void write(FilterCertificate& certificate) const {
     for (std::size_t j = 0; j < records_.size(); ++j) {
       double& smallest = certificate.smallest_fault[j];
-      if (filter_.sees[j] == Sensitivity::kTransient) {
+      if (filter_.sees[j] == Sensitivity::kTransient && !filter_.test) {
         smallest = smallest_for(records_[j].held());
       }
-      certificate.delay_s[j] =
-          smallest > 0.0 ? bank_.sample_time_s * static_cast<double>(records_[j].firing_sample(
-                                                     2.0 * smallest, filter_.threshold))
-                         : 0.0;
+      if (smallest > 0.0) {
+        const std::size_t samples =
+            records_[j].firing_sample(2.0 * smallest, threshold_) + samples_to_add_up(filter_);
+        certificate.delay_s[j] = bank_.sample_time_s * static_cast<double>(samples);
+      }
     }
   }
 
   [[nodiscard]] double smallest_for(double gain) const {
-    const double smallest = gain > 0.0 ? filter_.threshold / gain : 0.0;
+    const double smallest = gain > 0.0 ? threshold_ / gain : 0.0;
     return std::isfinite(smallest) ? smallest : 0.0;
   }
 
@@ -132,7 +151,7 @@ class FiringAnalysis {
       const double norm = norms[static_cast<Index>(j)];
       records_[j].add(norm);
       if (steady_size_[j] > 0.0 && exceeded_[j] < dwell_) {
-        exceeded_[j] = 2.0 * steady_size_[j] * norm > filter_.threshold ? exceeded_[j] + 1 : 0;
+        exceeded_[j] = 2.0 * steady_size_[j] * norm > threshold_ ? exceeded_[j] + 1 : 0;
         waiting_ -= exceeded_[j] == dwell_ ? 1 : 0;
       }
     }
@@ -140,6 +159,7 @@ class FiringAnalysis {
 
   const Bank& bank_;
   const ResidualFilter& filter_;
+  double threshold_;  // of ResidualEvaluation
   std::uint32_t dwell_;
   std::vector<StepRecord> records_;
   std::vector<double> steady_size_;  // smallest fault of the steadily seen ones, else 0
@@ -284,11 +304,11 @@ FilterProof BankProof::prove(const ResidualFilter& filter) {
   for (std::size_t j = 0; j < k; ++j) {
     const double evaluation = gains.rest_evaluation()[j];
     if (filter.sees[j] == Sensitivity::kSteady && evaluation > 0.0) {
-      const double smallest = filter.threshold * plant_.faults[j].size / evaluation;
+      const double smallest = loop.evaluation().threshold() * plant_.faults[j].size / evaluation;
       certificate.smallest_fault[j] = std::isfinite(smallest) ? smallest : 0.0;
     }
   }
-  FiringAnalysis firing(bank_, filter, certificate.smallest_fault);
+  FiringAnalysis firing(bank_, filter, loop.evaluation().threshold(), certificate.smallest_fault);
   firing.run(FilterLoop::FaultStep(loop_, loop), loop.band());
   firing.write(certificate);
   return proof;

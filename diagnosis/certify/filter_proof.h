@@ -33,6 +33,8 @@ class BankProof {
 
   /// @throws std::invalid_argument a number of the certificate would not be finite.
   [[nodiscard]] FilterProof prove(const ResidualFilter& filter);
+  /// The sampled plant, with all frequencies computed so far.
+  [[nodiscard]] SampledPlant& sampled_plant() { return loop_; }
 
  private:
   const PlantModel& plant_;

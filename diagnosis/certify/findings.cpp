@@ -65,6 +65,23 @@ void Findings::compare(const std::string& claim, const MatrixXd& stored, const M
       number_text(recomputed(row, column)));
 }
 
+void Findings::compare_courses(const std::string& claim, const Eigen::MatrixXd& stored,
+                               const Eigen::MatrixXd& recomputed) {
+  if (stored.rows() == 0 || recomputed.rows() == 0 || stored.cols() != recomputed.cols()) {
+    compare(claim, stored, recomputed, 0.0);
+    return;
+  }
+  const Eigen::Index rows = std::max(stored.rows(), recomputed.rows());
+  const auto held = [rows](const Eigen::MatrixXd& course) {
+    Eigen::MatrixXd longer(rows, course.cols());
+    for (Eigen::Index k = 0; k < rows; ++k) {
+      longer.row(k) = course.row(std::min(k, course.rows() - 1));
+    }
+    return longer;
+  };
+  compare(claim, held(stored), held(recomputed), 0.0);
+}
+
 void Findings::compare_exactly(const std::string& claim, double stored, double recomputed) {
   if (stored != recomputed) {
     add(claim, fmt::format("{}", stored), fmt::format("{}", recomputed));

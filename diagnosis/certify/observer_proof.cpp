@@ -318,13 +318,15 @@ class Proof {
 
 ObserverThresholds observer_thresholds(const PlantModel& plant, const Bank& bank,
                                        const ResidualFilter& filter) {
-  return Proof(plant, bank, filter).thresholds();
+  const PlantModel rounded = with_rounded_outputs(plant, bank.thresholds.output_resolution);
+  return Proof(rounded, bank, filter).thresholds();
 }
 
 ObserverProof prove_observer(const PlantModel& plant, const Bank& bank,
                              const ResidualFilter& filter) {
+  const PlantModel rounded = with_rounded_outputs(plant, bank.thresholds.output_resolution);
   try {
-    return Proof(plant, bank, filter).run();
+    return Proof(rounded, bank, filter).run();
   } catch (const std::invalid_argument& error) {
     throw std::invalid_argument(fmt::format("residual {}: {}", filter.name, error.what()));
   }

@@ -1,5 +1,7 @@
 #include "diagnosis/certify/residual_evaluation.h"
 
+#include <cmath>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -13,6 +15,16 @@ using Eigen::VectorXd;
 ResidualEvaluation::ResidualEvaluation(const ResidualFilter& filter)
     : evaluation_(filter.evaluation), threshold_(filter.threshold) {
   const Eigen::Index rows = filter.H.rows();
+  if (filter.test) {
+    const SequentialTest& test = *filter.test;
+    const double reference = test.kind == TestKind::kCusum
+                                 ? test.reference
+                                 : std::sqrt(2.0 * filter.threshold / test.window);
+    evaluation_ = Evaluation::kComponent;
+    component_ = VectorXd::Map(test.offset.data(), std::ssize(test.offset)).array() + reference;
+    threshold_ = 1.0;
+    return;
+  }
   if (filter.course && filter.course->weight.size() > 0) weight_ = filter.course->weight;
   if (weight_.size() > 0 && (weight_.rows() != rows || weight_.cols() != rows)) {
     throw std::invalid_argument(

@@ -8,6 +8,9 @@ namespace faultline {
 
 /// How a filter's residual is evaluated in the long run, and its threshold then: ‖r‖₂ or ‖Ω r‖₂
 /// against τ = J, or max_i |r_i| / r̄_i against τ = 1. Positively homogeneous.
+///
+/// Of a sequential test r̄_i is the mean that it fires on if it lasts: b_i + κ (CUSUM), b_i + √(2h /
+/// window) (GLR).
 class ResidualEvaluation {
  public:
   /// Of the filter as it is stored.

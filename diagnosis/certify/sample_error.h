@@ -12,7 +12,7 @@ namespace faultline {
 ///
 ///   output = |H| + Σ_k |M F^k E|,  input = |K| + Σ_k |M F^k G|   (element by element)
 ///
-/// the l1 norms of the impulse responses, summed until what is left is below 1e-6 of the sum.
+/// the l1 norms of the impulse responses (l1_norm()).
 struct SampleErrorGain {
   Eigen::MatrixXd output;  ///< rows×q
   Eigen::MatrixXd input;   ///< rows×m

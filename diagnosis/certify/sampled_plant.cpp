@@ -122,6 +122,7 @@ SampledPlant::SampledPlant(const PlantModel& plant, const Bank& bank, double lar
   const SampledSystem system = plant_step(plant, bank, inputs.state, scales);
   D_ = inputs.output;
   split(system.A, system.B, plant.C * scales.asDiagonal(), largest_radius);
+  coordinates_ = coordinates_ * scales.cwiseInverse().asDiagonal();
 }
 
 void SampledPlant::split(const MatrixXd& A, const MatrixXd& B, const MatrixXd& C,
@@ -144,6 +145,7 @@ void SampledPlant::split(const MatrixXd& A, const MatrixXd& B, const MatrixXd& C
     const Eigen::ColPivHouseholderQR<MatrixXd> qr(parts);
     Q = qr.householderQ() * MatrixXd::Identity(n, n);
   }
+  coordinates_ = Q.transpose();
   const MatrixXd A_q = Q.transpose() * A * Q;
   const MatrixXd B_q = Q.transpose() * B;
   const MatrixXd C_q = C * Q;

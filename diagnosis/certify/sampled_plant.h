@@ -47,6 +47,14 @@ class SampledPlant {
   [[nodiscard]] Eigen::Index inputs() const { return B_2_.cols(); }
   [[nodiscard]] const Eigen::MatrixXd& A_11() const { return A_11_; }
   [[nodiscard]] const Eigen::MatrixXd& C_1() const { return C_1_; }
+  [[nodiscard]] const Eigen::MatrixXd& A_12() const { return A_12_; }
+  [[nodiscard]] const Eigen::MatrixXd& A_22() const { return A_22_; }
+  [[nodiscard]] const Eigen::MatrixXd& B_1() const { return B_1_; }
+  [[nodiscard]] const Eigen::MatrixXd& B_2() const { return B_2_; }
+  [[nodiscard]] const Eigen::MatrixXd& C_2() const { return C_2_; }
+  [[nodiscard]] const Eigen::MatrixXd& D() const { return D_; }
+  /// Directions of the state, in the plant's coordinates, as (ξ_1; ξ_2). n×n.
+  [[nodiscard]] const Eigen::MatrixXd& coordinates() const { return coordinates_; }
   /// A_11 = Z T Zᴴ, modes nearest to the unit circle first.
   [[nodiscard]] const Eigen::MatrixXcd& Z() const { return Z_; }
   [[nodiscard]] const Eigen::MatrixXcd& T() const { return T_; }
@@ -89,6 +97,7 @@ class SampledPlant {
 
   Eigen::Index fault_begin_ = 0, fault_count_ = 0;
   Eigen::MatrixXd A_11_, A_12_, A_22_, B_1_, B_2_, C_1_, C_2_, D_;
+  Eigen::MatrixXd coordinates_;
   Eigen::MatrixXcd Z_, T_;
   std::vector<double> angles_;
   std::map<double, Response> responses_;

@@ -12,6 +12,11 @@
 namespace faultline {
 namespace {
 
+// Of "certified" and "calibrated", until they are.
+constexpr double kProvisionalThreshold = 1.0;
+// More alarms than one in so many samples are no false alarms any more.
+constexpr double kMostAlarms = 1e-3;
+
 void read_structure(TomlTable& root, BankRequest& request) {
   if (!root.has("structure")) {
     return;
@@ -69,14 +74,100 @@ void read_threshold(TomlTable& decision, BankRequest& request) {
     return;
   }
   if (decision.is_string("threshold")) {
-    throw decision.error("threshold", fmt::format("found \"{}\", expected a positive number",
-                                                  decision.string("threshold")));
+    request.threshold_kind = decision.choice("threshold", {"certified", "calibrated"}) == "certified"
+                                 ? ThresholdBasis::Kind::kCertified
+                                 : ThresholdBasis::Kind::kCalibrated;
+    request.threshold = kProvisionalThreshold;
+    return;
   }
   request.threshold = read_positive(decision, "threshold");
 }
 
+// What certified thresholds reckon with beyond the plant file.
+void read_threshold_basis(TomlTable& decision, BankRequest& request) {
+  const bool is_uio = request.method == "uio";
+  const bool is_certified = request.threshold_kind == ThresholdBasis::Kind::kCertified;
+  const auto refuse = [&](std::string_view key, std::string_view expected) {
+    if (decision.has(key)) {
+      throw decision.error(key, fmt::format("found it, expected it only {}", expected));
+    }
+  };
+  if (!is_certified) {
+    for (const std::string_view key : {"jitter_s", "false_alarms_per_h"}) {
+      refuse(key, is_uio ? "for methods \"geometric\" and \"eigenstructure\"; method \"uio\" "
+                           "takes bounds: give what is late as a [[disturbance]]"
+                         : "with threshold = \"certified\"");
+    }
+    if (!is_uio) refuse("resolution", "with threshold = \"certified\"");
+  }
+  if (std::optional<TomlTable> resolution = decision.optional_table("resolution")) {
+    for (const std::string& name : resolution->keys()) {
+      request.resolution[name] = read_positive(*resolution, name);
+    }
+  }
+  if (decision.has("jitter_s")) {
+    request.jitter_s = read_positive(decision, "jitter_s");
+    if (request.jitter_s > request.sample_time_s) {
+      throw decision.error("jitter_s", fmt::format("found {}, expected at most the sample time, {}",
+                                                   request.jitter_s, request.sample_time_s));
+    }
+  }
+  if (decision.has("false_alarms_per_h")) {
+    request.false_alarms_per_h = read_positive(decision, "false_alarms_per_h");
+    if (const double samples = 3600.0 / request.sample_time_s;
+        request.false_alarms_per_h > kMostAlarms * samples) {
+      throw decision.error("false_alarms_per_h",
+                           fmt::format("found {}, expected at most {} (one in 1000 of the {} samples "
+                                       "of an hour)",
+                                       request.false_alarms_per_h, kMostAlarms * samples, samples));
+    }
+  }
+}
+
+void read_test(TomlTable& decision, BankRequest& request) {
+  if (decision.has("test")) {
+    const std::string test = decision.choice("test", {"comparison", "cusum", "glr"});
+    request.test = test == "cusum" ? TestKind::kCusum
+                   : test == "glr" ? TestKind::kGlr
+                                   : TestKind::kComparison;
+  }
+  if (request.test == TestKind::kComparison) {
+    for (const std::string_view key : {"tuned_for", "glr_window"}) {
+      if (decision.has(key)) {
+        throw decision.error(key, "found it, expected it only with test = \"cusum\" or \"glr\"");
+      }
+    }
+    return;
+  }
+  if (request.method == "uio") {
+    throw decision.error("test",
+                         "found a sequential test, expected \"comparison\": the residuals of method "
+                         "\"uio\" have bounds, not a distribution");
+  }
+  const bool has_rate = request.threshold_kind == ThresholdBasis::Kind::kCertified &&
+                        request.false_alarms_per_h > 0.0;
+  if (!has_rate && request.threshold_kind != ThresholdBasis::Kind::kCalibrated) {
+    throw decision.error("test",
+                         "found a sequential test, expected threshold = \"certified\" with "
+                         "false_alarms_per_h beside it, or \"calibrated\"");
+  }
+  if (decision.has("tuned_for")) request.tuned_for = read_positive(decision, "tuned_for");
+  if (decision.has("glr_window")) {
+    if (request.test != TestKind::kGlr) {
+      throw decision.error("glr_window", "found it, expected it only with test = \"glr\"");
+    }
+    request.glr_window = read_count(decision, "glr_window", 1);
+    if (*request.glr_window > kMaxGlrWindow) {
+      throw decision.error("glr_window", fmt::format("found {}, expected at most {}",
+                                                     *request.glr_window, kMaxGlrWindow));
+    }
+  }
+}
+
 void read_decision(TomlTable decision, BankRequest& request) {
   read_threshold(decision, request);
+  read_threshold_basis(decision, request);
+  read_test(decision, request);
   request.decision.dwell = read_count(decision, "dwell", DecisionRule().dwell);
   request.decision.settle = read_count(decision, "settle", DecisionRule().settle);
   if (decision.has("clearing")) {

@@ -3,6 +3,7 @@
 #include <complex>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -44,6 +45,17 @@ struct BankRequest {
   std::vector<std::vector<std::string>> ignored_sets;  ///< names of faults, for kGiven
   bool normalise = true;
   double threshold = 0.0;  ///< τ, in fault sizes when normalised; uio: from the plant's bounds
+  /// ThresholdBasis; its resolution is per output, by name.
+  ThresholdBasis::Kind threshold_kind = ThresholdBasis::Kind::kGiven;
+  std::map<std::string, double> resolution;
+  double jitter_s = 0.0;
+  double false_alarms_per_h = 0.0;
+  TestKind test = TestKind::kComparison;
+  /// Size of fault, in fault sizes, that a sequential test is tuned to; absent: half a standard
+  /// deviation of its white residual.
+  std::optional<double> tuned_for;
+  /// Samples of a GLR test; absent: as many as a fault of that size takes.
+  std::optional<std::uint32_t> glr_window;
   UioRequest uio;          ///< method "uio" only
   EigenstructureRequest eigenstructure;  ///< method "eigenstructure" only
   DecisionRule decision;

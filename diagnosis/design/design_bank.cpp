@@ -4,9 +4,11 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
+#include <Eigen/LU>
 #include <fmt/format.h>
 
 #include "diagnosis/design/check_request.h"
@@ -18,6 +20,7 @@
 #include "diagnosis/design/residual_response.h"
 #include "diagnosis/design/structure.h"
 #include "diagnosis/design/uio/design_uio.h"
+#include "diagnosis/design/whitening.h"
 
 namespace faultline {
 namespace {
@@ -27,6 +30,13 @@ using Eigen::MatrixXd;
 
 // Entries of G below this part of B's column are rounding errors of exact zeros.
 constexpr double kRoundingError = 1e-13;
+// What a sequential test usually asks for before it fires: h of a GLR test at 1e-6 per sample. The
+// window of one is chosen by it, and the threshold of a test that is not calibrated yet.
+constexpr double kUsualEvidence = 20.0;
+// A small fault: half a standard deviation of the white residual.
+constexpr double kUsualShift = 0.5;
+// A GLR test looks at every sample of its window in each step.
+constexpr double kLongestOwnWindow = 2000.0;
 // ---------------------------------------------------------------------------------- one residual
 
 // How a residual, in the domain of the design, sees the faults.
@@ -248,6 +258,7 @@ class BankDesign {
       return;
     }
     filter.threshold = request_.threshold;
+    if (request_.test != TestKind::kComparison) add_test(filter);
     filter.forget_samples = forget_samples(plant_, filter);
     filter.certificate = empty_certificate(plant_);
     report.exists = true;
@@ -258,6 +269,43 @@ class BankDesign {
     const Eigen::VectorXcd poles = eigenvalues(geometric.F);
     report.poles.assign(poles.begin(), poles.end());
     result_.bank.filters.push_back(std::move(filter));
+  }
+
+  // The residual becomes white; tuned to the smallest gain of the faults that it sees.
+  void add_test(ResidualFilter& filter) const {
+    try {
+      whiten(plant_, filter);
+    } catch (const std::invalid_argument& error) {
+      throw request_error(request_, "decision", fmt::format("test: {}", error.what()));
+    }
+    const Index d = filter.F.rows();
+    const MatrixXd at_rest =
+        filter.J + filter.M * (MatrixXd::Identity(d, d) - filter.F).partialPivLu().solve(filter.L);
+    double smallest = std::numeric_limits<double>::infinity();
+    for (std::size_t j = 0; j < filter.sees.size(); ++j) {
+      if (filter.sees[j] != Sensitivity::kSteady) continue;
+      const double gain = at_rest.col(static_cast<Index>(j)).cwiseAbs().maxCoeff();
+      smallest = std::min(smallest, plant_.faults[j].size * gain);
+    }
+    if (!std::isfinite(smallest)) {
+      throw request_error(request_, "decision",
+                          fmt::format("test: {} sees every fault in transients only: there is nothing "
+                                      "that adds up; expected test = \"comparison\"",
+                                      filter.name));
+    }
+    const double shift =
+        request_.tuned_for ? *request_.tuned_for * smallest : std::min(kUsualShift, smallest);
+    SequentialTest test{request_.test, 0.5 * shift, 0,
+                        std::vector<double>(static_cast<std::size_t>(filter.H.rows()))};
+    if (request_.test == TestKind::kGlr) {
+      const double samples = std::ceil(2.0 * kUsualEvidence / (shift * shift));
+      test.window = request_.glr_window.value_or(
+          static_cast<std::uint32_t>(std::clamp(samples, 1.0, kLongestOwnWindow)));
+    }
+    filter.test = std::move(test);
+    if (request_.threshold_kind == ThresholdBasis::Kind::kCalibrated) {
+      filter.threshold = kUsualEvidence;
+    }
   }
 
   // Of all residuals that exist, as few as isolate what all of them do.

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include "diagnosis/design/requested_disturbances.h"
 #include "diagnosis/model/digest.h"
 
@@ -15,6 +18,34 @@ namespace {
 constexpr double kWindowTimeConstants = 5.0;
 constexpr double kSmallestWindow = 10.0;
 constexpr double kLargestWindow = 1000.0;
+
+}  // namespace
+
+namespace {
+
+ThresholdBasis threshold_basis(const PlantModel& plant, const BankRequest& request) {
+  ThresholdBasis basis;
+  basis.kind = request.threshold_kind;
+  basis.jitter_s = request.jitter_s;
+  basis.false_alarms_per_h = request.false_alarms_per_h;
+  if (!request.resolution.empty()) basis.output_resolution = Eigen::VectorXd::Zero(plant.q());
+  for (const auto& [name, lsb] : request.resolution) {
+    const auto found = std::find(plant.output_names.begin(), plant.output_names.end(), name);
+    if (found == plant.output_names.end()) {
+      throw request_error(request, "decision",
+                          fmt::format("resolution: found \"{}\", expected outputs of the plant: {} "
+                                      "(commands are read as they act)",
+                                      name, fmt::join(plant.output_names, ", ")));
+    }
+    basis.output_resolution[found - plant.output_names.begin()] = lsb;
+  }
+  if (basis.jitter_s > 0.0 && plant.time == TimeDomain::kDiscrete) {
+    throw request_error(request, "decision",
+                        "jitter_s: found it, expected none: the plant is discrete, there is nothing "
+                        "between its samples");
+  }
+  return basis;
+}
 
 }  // namespace
 
@@ -50,6 +81,7 @@ Bank bank_without_filters(const PlantModel& plant, const BankRequest& request) {
   bank.u_operating = plant.u_operating;
   bank.y_operating = plant.y_operating;
   bank.decision = request.decision;
+  bank.thresholds = threshold_basis(plant, request);
   return bank;
 }
 

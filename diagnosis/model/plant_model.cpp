@@ -133,6 +133,18 @@ std::vector<std::string> PlantModel::fault_names() const {
   return names;
 }
 
+PlantModel with_rounded_outputs(const PlantModel& model, const Eigen::VectorXd& resolution) {
+  PlantModel rounded = model;
+  for (Eigen::Index i = 0; i < resolution.size(); ++i) {
+    if (resolution[i] <= 0.0) continue;
+    rounded.noises.push_back({.name = "rounding of " + model.output_names[static_cast<std::size_t>(i)],
+                              .output = Eigen::VectorXd::Unit(model.q(), i),
+                              .bound = 0.5 * resolution[i],
+                              .sigma = {}});
+  }
+  return rounded;
+}
+
 std::string plant_digest(const PlantModel& model) {
   CanonicalText text;
   text.word(model.name);

@@ -85,6 +85,11 @@ struct PlantModel {
   [[nodiscard]] std::vector<std::string> fault_names() const;
 };
 
+/// The plant with the rounding of its outputs as further noises: half of `resolution` (q, one LSB of
+/// each; empty: none) as bound.
+[[nodiscard]] PlantModel with_rounded_outputs(const PlantModel& model,
+                                              const Eigen::VectorXd& resolution);
+
 /// Name-based digest (RFC 4122, version 5) of everything in the model that a bank depends on:
 /// names, numbers, time domain. Comments and layout of the file do not count, nor do the names of
 /// noise sources, which only scenarios use.

@@ -39,6 +39,7 @@ bool is_any_stale(const std::vector<std::uint8_t>& uses,
 Evaluator::Evaluator(const Bank& bank)
     : dwell_(std::max<std::uint32_t>(bank.decision.dwell, 1)),
       contaminated_for_(bank.filters.size()),
+      is_contaminated_(bank.filters.size()),
       run_length_(bank.filters.size()),
       fired_(bank.filters.size()),
       fired_for_(bank.filters.size()),
@@ -93,7 +94,8 @@ void Evaluator::step(std::span<const double> evaluation,
   contaminated_count_ = 0;
   ++sample_count_;
   for (std::size_t i = 0; i < fired_.size(); ++i) {
-    if (contaminated_for_[i] > 0) {
+    is_contaminated_[i] = contaminated_for_[i] > 0 ? 1 : 0;
+    if (is_contaminated_[i] != 0) {
       --contaminated_for_[i];
       ++contaminated_count_;
       run_length_[i] = 0;
@@ -132,6 +134,7 @@ void Evaluator::set_fired_for(std::size_t i, std::uint32_t samples) noexcept {
 
 void Evaluator::reset() noexcept {
   std::fill(contaminated_for_.begin(), contaminated_for_.end(), 0);
+  std::fill(is_contaminated_.begin(), is_contaminated_.end(), std::uint8_t{0});
   std::fill(run_length_.begin(), run_length_.end(), 0);
   std::fill(fired_.begin(), fired_.end(), std::uint8_t{0});
   std::fill(fired_for_.begin(), fired_for_.end(), 0);

@@ -50,6 +50,10 @@ class Evaluator {
   [[nodiscard]] std::uint64_t crossing_age(std::size_t i) const noexcept {
     return sample_count_ - crossed_at_[i];
   }
+  /// Which residuals of the last sample were contaminated.
+  [[nodiscard]] std::span<const std::uint8_t> contaminated() const noexcept {
+    return is_contaminated_;
+  }
   /// True if a residual of the last sample was contaminated: its signature says nothing.
   [[nodiscard]] bool is_any_contaminated() const noexcept { return contaminated_count_ > 0; }
 
@@ -64,6 +68,7 @@ class Evaluator {
   std::vector<std::uint8_t> has_course_;
   std::vector<std::vector<std::uint8_t>> uses_y_, uses_u_;  // per filter, per channel
   std::vector<std::uint32_t> contaminated_for_;
+  std::vector<std::uint8_t> is_contaminated_;
   std::vector<std::uint32_t> run_length_;
   std::vector<std::uint8_t> fired_;
   std::vector<std::uint32_t> fired_for_;  // samples in a row; at most transient_samples + 1

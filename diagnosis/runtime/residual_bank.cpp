@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "diagnosis/runtime/observer_step.h"
+#include "diagnosis/runtime/sequential_step.h"
 
 namespace faultline {
 namespace {
@@ -70,6 +71,14 @@ struct PlacedCourse {
   std::size_t rows = 0;
 };
 
+// A filter whose evaluation is the statistic of a sequential test.
+struct PlacedTest {
+  SequentialStatistic statistic;
+  std::size_t filter = 0;
+  std::size_t first_row = 0;
+  std::size_t rows = 0;
+};
+
 // One row of [M H K] or [F E G] times [v; y; u]: states first, then channels, each in order.
 inline Lanes row_product(const Lanes* coefficient, const Lanes* v, std::size_t order,
                          const double* sample, std::size_t channel_count) noexcept {
@@ -103,7 +112,8 @@ struct ResidualBank::State {
   std::vector<double> row_thresholds;  // per row of `residual`
   std::vector<PlacedTerm> terms;       // in the order of the lanes, then of the filter's file
   std::vector<PlacedCourse> courses;
-  bool has_observers = false;  // terms or courses: one question where there are none
+  std::vector<PlacedTest> tests;
+  bool has_more = false;  // terms, courses or tests: one question where there are none
   std::size_t k = 0;           // of the next sample; counts for courses
 
   [[nodiscard]] std::size_t channel_count() const { return output_count + input_count; }
@@ -113,7 +123,7 @@ struct ResidualBank::State {
                 bool is_state_equation);
   void add_course(const ResidualFilter& filter, const Destination& destination);
   void step_block(const Block& block) noexcept;
-  void step_observers() noexcept;
+  void step_more() noexcept;
   void add_terms() noexcept;
   void set_thresholds() noexcept;
   void deliver(const Block& block, const Destination* destination) noexcept;
@@ -173,6 +183,10 @@ void ResidualBank::State::add_course(const ResidualFilter& filter, const Destina
     courses.push_back(
         {CourseEvaluation(filter), destination.filter, destination.first_row, destination.rows});
   }
+  if (filter.test) {
+    tests.push_back({SequentialStatistic(filter), destination.filter, destination.first_row,
+                     destination.rows});
+  }
 }
 
 void ResidualBank::State::step_block(const Block& block) noexcept {
@@ -188,13 +202,17 @@ void ResidualBank::State::step_block(const Block& block) noexcept {
   }
 }
 
-// What observers need beyond the linear part of the step.
-void ResidualBank::State::step_observers() noexcept {
+// What observers and tests need beyond the linear part of the step.
+void ResidualBank::State::step_more() noexcept {
   add_terms();
   set_thresholds();
   for (const PlacedCourse& placed : courses) {
     evaluation[placed.filter] = placed.course.evaluate(
         std::span<const double>(residual).subspan(placed.first_row, placed.rows), k);
+  }
+  for (PlacedTest& placed : tests) {
+    evaluation[placed.filter] = placed.statistic.step(
+        std::span<const double>(residual).subspan(placed.first_row, placed.rows));
   }
   ++k;
 }
@@ -276,7 +294,7 @@ ResidualBank::ResidualBank(const Bank& bank) : state_(std::make_unique<State>())
     state.add_block(bank, std::span(by_order).subspan(i, std::min(kLanes, by_order.size() - i)));
   }
   state.v_next.resize(state.v.size());
-  state.has_observers = !state.terms.empty() || !state.courses.empty();
+  state.has_more = !state.terms.empty() || !state.courses.empty() || !state.tests.empty();
   state.set_thresholds();
 }
 
@@ -299,7 +317,7 @@ void ResidualBank::step(std::span<const double> y, std::span<const double> u) no
     state.deliver(block, destination);
     destination += block.filter_count;
   }
-  if (state.has_observers) state.step_observers();
+  if (state.has_more) state.step_more();
   state.v.swap(state.v_next);
 }
 
@@ -308,8 +326,15 @@ void ResidualBank::reset() noexcept {
   std::fill(state.v.begin(), state.v.end(), Lanes());
   std::fill(state.residual.begin(), state.residual.end(), 0.0);
   std::fill(state.evaluation.begin(), state.evaluation.end(), 0.0);
+  for (PlacedTest& placed : state.tests) placed.statistic.restart();
   state.k = 0;
   state.set_thresholds();
+}
+
+void ResidualBank::restart_tests(std::span<const std::uint8_t> is_contaminated) noexcept {
+  for (PlacedTest& placed : state_->tests) {
+    if (is_contaminated[placed.filter] != 0) placed.statistic.restart();
+  }
 }
 
 std::span<const double> ResidualBank::residual() const noexcept { return state_->residual; }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <span>
 
@@ -20,6 +21,7 @@ namespace faultline {
 /// | without a course | ‖r_k‖₂ | τ |
 /// | Evaluation::kNorm | ‖Ω r_k‖₂ | J(k) |
 /// | Evaluation::kComponent | max_i \|r_i\| / r̄_i(k) | 1 |
+/// | with a SequentialTest | its statistic | h |
 ///
 /// Real-time: `step` and `reset` neither allocate nor throw. Sums have a fixed order: equal inputs
 /// give equal bits in every build; where there is a φ, with the same sin, cos, tanh and atan. Use
@@ -36,6 +38,10 @@ class ResidualBank {
   void step(std::span<const double> y, std::span<const double> u) noexcept;
   /// Back to v = 0 and k = 0.
   void reset() noexcept;
+
+  /// Sequential tests begin anew where the residual is contaminated (Evaluator::contaminated()): what
+  /// a bad sample left must not add up. Once per sample, after step().
+  void restart_tests(std::span<const std::uint8_t> is_contaminated) noexcept;
 
   /// r_k of all filters, stacked; Bank::residual_rows() values. Valid until the next call.
   [[nodiscard]] std::span<const double> residual() const noexcept;

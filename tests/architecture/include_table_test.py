@@ -88,6 +88,17 @@ class IncludeTable(unittest.TestCase):
         self.assertGreater(count, 50, "the test must have read the sources")
         self.assertEqual(found, [])
 
+    def test_every_type_has_a_name_of_its_own(self):
+        """Two types of one name in one program are no error of the compiler's, but undefined behaviour."""
+        places = {}
+        for top in ("drivers", "diagnosis", "sim", "tools", "lcmtypes"):
+            for path in sorted((ROOT / top).rglob("*.h")):
+                for name in re.findall(r"^(?:struct|class|enum class) (\w+)(?: final)?\s*(?::(?!:)[^;{]*)?\{", path.read_text(encoding="utf-8"),
+                                       re.MULTILINE):
+                    places.setdefault(name, []).append(path.relative_to(ROOT).as_posix())
+        self.assertGreater(len(places), 100, "the test must have read the headers")
+        self.assertEqual({name: files for name, files in places.items() if len(set(files)) > 1}, {})
+
     def test_the_table_names_every_folder(self):
         self.assertEqual(set(self.table),
                          {"drivers/can", "drivers/dbc", "drivers/signal", "diagnosis/model",

@@ -42,7 +42,7 @@ std::string error_of(const Action& action) {
 TEST(SamplePlant, TakesNonlinearitiesByTheirSlope) {
   // x' = x + u - 3 sin x: A = -2.
   const PlantModel model = scalar_plant(1.0, -3.0, {.kind = FunctionKind::kSin});
-  const SampledPlant sampled = sample_plant(model, kSampleTime_s);
+  const DiscretePlant sampled = sample_plant(model, kSampleTime_s);
   EXPECT_NEAR(sampled.A(0, 0), std::exp(-2.0 * kSampleTime_s), 1e-9);
   EXPECT_NEAR(sampled.B(0, 0), (1.0 - std::exp(-2.0 * kSampleTime_s)) / 2.0, 1e-9);
   EXPECT_EQ(sampled.D(0, 0), 0.25);
@@ -58,7 +58,7 @@ TEST(SamplePlant, LeavesAPlantInDiscreteTimeAsItIs) {
 TEST(ClosedLoopPoles, CountTheCycleBetweenMeasurementAndAction) {
   // x_k+1 = a x_k + b u_k, u_k+1 = -K x_k: λ² - a λ + b K = 0.
   const double a = 0.9, b = 0.5, K = 0.3;
-  const SampledPlant plant{MatrixXd::Constant(1, 1, a), MatrixXd::Constant(1, 1, b),
+  const DiscretePlant plant{MatrixXd::Constant(1, 1, a), MatrixXd::Constant(1, 1, b),
                            MatrixXd::Ones(1, 1), MatrixXd::Zero(1, 1)};
   const auto poles = closed_loop_poles(plant, static_controller(MatrixXd::Constant(1, 1, -K)));
   ASSERT_EQ(poles.size(), 2U);
@@ -71,7 +71,7 @@ TEST(CheckDetectable, NamesTheModeThatNoOutputShows) {
   PlantModel model = double_integrator();
   model.C = (MatrixXd(1, 2) << 0, 1).finished();
   model.D = MatrixXd::Zero(1, 1);
-  const SampledPlant sampled = sample_plant(model, kSampleTime_s);
+  const DiscretePlant sampled = sample_plant(model, kSampleTime_s);
   const std::string error = error_of([&] { check_detectable(sampled, model.state_names); });
   EXPECT_THAT(error, HasSubstr("mode at 1 per sample"));
   EXPECT_THAT(error, HasSubstr("\"position\""));
@@ -89,7 +89,7 @@ TEST(CheckDetectable, AcceptsAHiddenModeThatDecays) {
 TEST(CheckStabilisable, NamesTheModeThatNoInputMoves) {
   PlantModel model = double_integrator();
   model.A = (MatrixXd(2, 2) << 0.5, 0, 0, -1).finished();
-  const SampledPlant sampled = sample_plant(model, kSampleTime_s);
+  const DiscretePlant sampled = sample_plant(model, kSampleTime_s);
   const std::string error = error_of([&] { check_stabilisable(sampled, model.state_names); });
   EXPECT_THAT(error, HasSubstr("\"position\""));
   EXPECT_THAT(error, HasSubstr("no input moves"));
@@ -97,7 +97,7 @@ TEST(CheckStabilisable, NamesTheModeThatNoInputMoves) {
 
 TEST(KalmanGain, SolvesItsRiccatiEquation) {
   const PlantModel model = position_only();
-  const SampledPlant plant = sample_plant(model, kSampleTime_s);
+  const DiscretePlant plant = sample_plant(model, kSampleTime_s);
   const NoiseCovariances noise{(MatrixXd(2, 2) << 0.2, 0.05, 0.05, 0.4).finished(),
                                MatrixXd::Constant(1, 1, 0.3)};
   const MatrixXd L = kalman_gain(plant, noise, model.state_names);
@@ -115,7 +115,7 @@ TEST(KalmanGain, RefusesAPlantThatCannotBeSeen) {
   PlantModel model = double_integrator();
   model.C = MatrixXd::Zero(1, 2);
   model.D = MatrixXd::Zero(1, 1);
-  const SampledPlant plant = sample_plant(model, kSampleTime_s);
+  const DiscretePlant plant = sample_plant(model, kSampleTime_s);
   EXPECT_THROW(static_cast<void>(kalman_gain(
                    plant, {MatrixXd::Identity(2, 2), MatrixXd::Identity(1, 1)}, model.state_names)),
                std::invalid_argument);
@@ -134,7 +134,7 @@ TEST(NoiseCovariances, TakeBoundsAsEvenlySpread) {
 }
 
 TEST(SteadyState, IsAtRestWithTheOutputThere) {
-  const SampledPlant plant = sample_plant(position_only(), kSampleTime_s);
+  const DiscretePlant plant = sample_plant(position_only(), kSampleTime_s);
   const SteadyState target = steady_state(plant, {0});
   const Eigen::VectorXd r = Eigen::VectorXd::Constant(1, 7.0);
   const Eigen::VectorXd x = target.N_x * r, u = target.N_u * r;
@@ -145,7 +145,7 @@ TEST(SteadyState, IsAtRestWithTheOutputThere) {
 
 TEST(SteadyState, SaysHowFarOffAReferenceIsThatCannotBeHeld) {
   // A position cannot stay while the speed is not zero.
-  const SampledPlant plant = sample_plant(double_integrator(), kSampleTime_s);
+  const DiscretePlant plant = sample_plant(double_integrator(), kSampleTime_s);
   const SteadyState target = steady_state(plant, {0, 1});
   EXPECT_LT(target.miss(plant, {0, 1}, Eigen::Vector2d(1.0, 0.0)), 1e-12);
   EXPECT_GT(target.miss(plant, {0, 1}, Eigen::Vector2d(0.0, 1.0)), 0.05);

@@ -185,7 +185,7 @@ void plan_state_feedback(const Subject& subject, ControllerPlan& plan) {
   plan.make = maker_of(std::move(law));
 }
 
-MatrixXd observer_K(const Subject& subject, const SampledPlant& sampled) {
+MatrixXd observer_K(const Subject& subject, const DiscretePlant& sampled) {
   const Index n = subject.plant.n(), m = subject.plant.m();
   const ControllerSpec& spec = subject.spec();
   if (spec.K) {
@@ -198,7 +198,7 @@ MatrixXd observer_K(const Subject& subject, const SampledPlant& sampled) {
   return lqr_gain(sampled.A, sampled.B, Q, R);
 }
 
-MatrixXd observer_L(const Subject& subject, const SampledPlant& sampled) {
+MatrixXd observer_L(const Subject& subject, const DiscretePlant& sampled) {
   const Index n = subject.plant.n(), q = subject.plant.q();
   const ControllerSpec& spec = subject.spec();
   if (spec.L) {

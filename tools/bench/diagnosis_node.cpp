@@ -112,6 +112,7 @@ void DiagnosisNode::on_sample(const Sample& sample, DiagnosisSink& sink) noexcep
   bank_.step(sample.y, sample.u);
   sink.on_stage(DiagnosisStage::kStepped);
   evaluator_.step(bank_.evaluation(), bank_.thresholds());
+  bank_.restart_tests(evaluator_.contaminated());
   const Decision decision = evaluator_.is_any_contaminated()
                                 ? Decision{.verdict = Verdict::kInhibited}
                                 : table_.decide(evaluator_.signature(), evaluator_.persistent());

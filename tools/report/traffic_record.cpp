@@ -23,11 +23,11 @@ void TrafficRecord::add(const FrameBatch& batch) {
       }
       found = identifiers_
                   .emplace(key,
-                           IdentifierTraffic{
+                           RecordedIdentifier{
                                .bus = frame.bus, .id = frame.id, .is_extended = frame.is_extended})
                   .first;
     }
-    IdentifierTraffic& traffic = found->second;
+    RecordedIdentifier& traffic = found->second;
     if (traffic.periods.frames() > 0 && frame.stamp >= traffic.last) {
       traffic.gaps.record(frame.stamp - traffic.last);
     }
@@ -36,13 +36,13 @@ void TrafficRecord::add(const FrameBatch& batch) {
   }
 }
 
-std::vector<IdentifierTraffic> TrafficRecord::identifiers() const {
-  std::vector<IdentifierTraffic> all;
+std::vector<RecordedIdentifier> TrafficRecord::identifiers() const {
+  std::vector<RecordedIdentifier> all;
   for (const auto& [key, traffic] : identifiers_) all.push_back(traffic);
   return all;
 }
 
-std::string message_name(const IdentifierTraffic& traffic, const DbcDatabase& dbc) {
+std::string message_name(const RecordedIdentifier& traffic, const DbcDatabase& dbc) {
   const DbcMessage* const message = dbc.find_message(traffic.id, traffic.is_extended);
   if (message != nullptr) return message->name;
   return fmt::format("0x{:0{}X}", traffic.id, traffic.is_extended ? 8 : 3);

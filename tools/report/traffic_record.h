@@ -15,7 +15,7 @@
 namespace faultline {
 
 /// The frames of one identifier on one bus, in a log.
-struct IdentifierTraffic {
+struct RecordedIdentifier {
   std::uint8_t bus = 0;
   std::uint32_t id = 0;
   bool is_extended = false;
@@ -29,7 +29,7 @@ class TrafficRecord {
  public:
   void add(const FrameBatch& batch);
 
-  [[nodiscard]] std::vector<IdentifierTraffic> identifiers() const;
+  [[nodiscard]] std::vector<RecordedIdentifier> identifiers() const;
   [[nodiscard]] std::uint64_t frames() const noexcept { return frames_; }
   [[nodiscard]] std::uint64_t error_frames() const noexcept { return error_frames_; }
   [[nodiscard]] std::uint64_t malformed() const noexcept { return malformed_; }
@@ -40,11 +40,11 @@ class TrafficRecord {
   static constexpr std::size_t kMostIdentifiers = 256;
 
  private:
-  std::map<std::tuple<std::uint8_t, bool, std::uint32_t>, IdentifierTraffic> identifiers_;
+  std::map<std::tuple<std::uint8_t, bool, std::uint32_t>, RecordedIdentifier> identifiers_;
   std::uint64_t frames_ = 0, error_frames_ = 0, malformed_ = 0, uncounted_ = 0;
 };
 
 /// "Sensors1" where `dbc` has it, else "0x101".
-[[nodiscard]] std::string message_name(const IdentifierTraffic& traffic, const DbcDatabase& dbc);
+[[nodiscard]] std::string message_name(const RecordedIdentifier& traffic, const DbcDatabase& dbc);
 
 }  // namespace faultline

@@ -98,7 +98,7 @@ std::string histogram(const LatencyHistogram& values, const std::string& what,
 
 std::string period_part(const ReportedRun& run) {
   const TrafficRecord& traffic = run.record.traffic;
-  std::vector<IdentifierTraffic> identifiers = traffic.identifiers();
+  std::vector<RecordedIdentifier> identifiers = traffic.identifiers();
   if (identifiers.empty()) return "<p>The log holds no frames.</p>\n";
   HtmlTable table("Periods of the messages in the log" + run.of_run(),
                   {{"message"},
@@ -113,7 +113,7 @@ std::string period_part(const ReportedRun& run) {
   std::string histograms;
   std::size_t drawn = 0;
   constexpr std::size_t kMostHistograms = 16;
-  for (const IdentifierTraffic& message : identifiers) {
+  for (const RecordedIdentifier& message : identifiers) {
     const PeriodStatistics& periods = message.periods;
     const std::string name = message_name(message, run.record.dbc);
     const bool has_gaps = periods.intervals() > 0;

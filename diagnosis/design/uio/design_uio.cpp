@@ -158,7 +158,11 @@ class UioDesign {
 
 DesignResult design_uio_bank(const PlantModel& plant, const BankRequest& request,
                              const DesignProgress& progress) {
-  return UioDesign(plant, request, progress).run();
+  const PlantModel rounded = with_rounded_outputs(
+      plant, bank_without_filters(plant, request).thresholds.output_resolution);
+  DesignResult result = UioDesign(rounded, request, progress).run();
+  result.bank.plant_digest = plant_digest(plant);
+  return result;
 }
 
 }  // namespace faultline
