@@ -136,25 +136,6 @@ std::string delay_text(double delay_s) {
   return delay_s > 0.0 ? fmt::format("{:.0f} ms", 1e3 * delay_s) : "-";
 }
 
-void print_faults(std::FILE* out, const Bank& bank) {
-  const std::size_t width = longest(bank.fault_names, 8);
-  fmt::print(out, "\n  {:<{}} {:>14} {:>9} {:>14} {:>9}\n", "fault", width, "detected from",
-             "after", "isolated from", "after");
-  for (std::size_t j = 0; j < bank.fault_names.size(); ++j) {
-    const FaultReach reach = fault_reach(bank, j);
-    fmt::print(out, "  {:<{}} {:>14} {:>9} {:>14} {:>9}", bank.fault_names[j], width,
-               size_text(reach.detected_from), delay_text(reach.detection_delay_s),
-               size_text(reach.isolated_from), delay_text(reach.isolation_delay_s));
-    if (!reach.transient_only.empty()) {
-      fmt::print(out, "   only while it changes: {}", fmt::join(reach.transient_only, ", "));
-    }
-    fmt::print(out, "\n");
-  }
-  fmt::print(out,
-             "\n  smallest constant fault alone, in its unit, and how long a step of twice that "
-             "takes\n");
-}
-
 }  // namespace
 
 std::string join_names(const std::vector<std::string>& names,
@@ -186,6 +167,25 @@ FaultReach fault_reach(const Bank& bank, std::size_t fault) {
     }
   }
   return reach;
+}
+
+void print_fault_reach(std::FILE* out, const Bank& bank) {
+  const std::size_t width = longest(bank.fault_names, 8);
+  fmt::print(out, "\n  {:<{}} {:>14} {:>9} {:>14} {:>9}\n", "fault", width, "detected from",
+             "after", "isolated from", "after");
+  for (std::size_t j = 0; j < bank.fault_names.size(); ++j) {
+    const FaultReach reach = fault_reach(bank, j);
+    fmt::print(out, "  {:<{}} {:>14} {:>9} {:>14} {:>9}", bank.fault_names[j], width,
+               size_text(reach.detected_from), delay_text(reach.detection_delay_s),
+               size_text(reach.isolated_from), delay_text(reach.isolation_delay_s));
+    if (!reach.transient_only.empty()) {
+      fmt::print(out, "   only while it changes: {}", fmt::join(reach.transient_only, ", "));
+    }
+    fmt::print(out, "\n");
+  }
+  fmt::print(out,
+             "\n  smallest constant fault alone, in its unit, and how long a step of twice that "
+             "takes\n");
 }
 
 void print_isolability(std::FILE* out, const Bank& bank) {
@@ -232,7 +232,7 @@ void print_bank(std::FILE* out, const Bank& bank) {
                bank.decision.clearing);
   }
   print_structure(out, bank);
-  print_faults(out, bank);
+  print_fault_reach(out, bank);
   print_isolability(out, bank);
   print_observer_proofs(out, bank);
   print_thresholds(out, bank);

@@ -16,6 +16,9 @@ namespace faultline {
 /// what each fault must be for the bank to find it.
 void print_bank(std::FILE* out, const Bank& bank);
 
+/// Smallest faults that are found, and how soon.
+void print_fault_reach(std::FILE* out, const Bank& bank);
+
 /// Which faults can look like which others, and how.
 void print_isolability(std::FILE* out, const Bank& bank);
 

@@ -47,6 +47,7 @@ void write_to(const std::string& target, const std::function<void(std::FILE*)>& 
 [[nodiscard]] std::string check_finite(const std::string& text);
 
 /// Each command adds itself to the program; `exit_code` is what it answered.
+void add_calibrate_command(CLI::App& program, int& exit_code);
 void add_campaign_command(CLI::App& program, int& exit_code);
 void add_check_command(CLI::App& program, int& exit_code);
 void add_dash_command(CLI::App& program, int& exit_code);

@@ -35,6 +35,7 @@ int run_program(int argc, char** argv) {
   program.footer(kExitCodesHelp);
   int exit_code = kExitYes;
   add_run_command(program, exit_code);
+  add_calibrate_command(program, exit_code);
   add_campaign_command(program, exit_code);
   add_score_command(program, exit_code);
   add_plant_command(program, exit_code);
