@@ -221,6 +221,34 @@ void set_controller(BenchInputs& inputs, const Scenario& scenario,
   inputs.warnings = std::move(controller.warnings);
 }
 
+// What the bank's thresholds do not stand for.
+void note_thresholds(BenchInputs& inputs) {
+  using Kind = ThresholdBasis::Kind;
+  const Bank& bank = inputs.bank;
+  if (bank.thresholds.kind == Kind::kCalibrated &&
+      std::none_of(bank.filters.begin(), bank.filters.end(),
+                   [](const ResidualFilter& filter) { return filter.calibration.has_value(); })) {
+    inputs.warnings.push_back(fmt::format(
+        "the thresholds of bank \"{}\" are provisional: faultline calibrate sets them from fault-free "
+        "logs",
+        bank.name));
+  }
+  if (bank.thresholds.kind != Kind::kCertified) return;
+  for (std::size_t i = 0; i < bank.output_names.size(); ++i) {
+    const double reckoned = bank.thresholds.output_resolution.size() == 0
+                                ? 0.0
+                                : bank.thresholds.output_resolution[static_cast<Eigen::Index>(i)];
+    const double found = inputs.map.output_resolution[i];
+    // A signal's factor times its scale is rounded itself.
+    if (found > (1.0 + 1e-9) * reckoned) {
+      inputs.warnings.push_back(fmt::format(
+          "{} is rounded to {:g} on the bus, the certified thresholds of bank \"{}\" reckon with {:g}: "
+          "resolution in its [decision]",
+          bank.output_names[i], found, bank.name, reckoned));
+    }
+  }
+}
+
 BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const BankLoader& load) {
   BenchInputs inputs;
   inputs.name = scenario.name;
@@ -248,6 +276,7 @@ BenchInputs fit_together(Scenario scenario, const ScenarioTexts& texts, const Ba
   std::optional<NamedText> commands;
   if (texts.commands) commands = {texts.commands->text, texts.commands_source};
   set_controller(inputs, scenario, commands);
+  note_thresholds(inputs);
   inputs.dbc_warnings = warnings_of(dbc);
   inputs.scenario = std::move(scenario);
   return inputs;
