@@ -2,7 +2,7 @@
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 
 foreach(test IN ITEMS can_cli dash design_cli doctor_cli eigenstructure_cli faultline_cli inject integrity_cli lcm_logger
-             linearise log_cli nodes playback rates replay_cli report_cli scenario_input score suite_cli thresholds watch)
+             linearise log_cli nodes playback rates replay_cli report_cli scenario_input score scorecard suite_cli thresholds watch)
   add_test(NAME ${test} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/${test}_test.py)
   set_tests_properties(${test} PROPERTIES
     TIMEOUT 240 # the playbacks take 75 s on a quiet machine: most of it is waiting

@@ -514,7 +514,7 @@ class BadInput(FolderTest):
                 (["unknown key", 'did you mean "concurrent"'], "concurrent    = 2", "concurrent = 2\n§concurent = 2"),
                 (["decision", "found nothing", "expected a table"], "[decision]", "[decison]"),
                 (["decision.threshold", "found nothing"], "threshold = 0.5\n", ""),
-                (["decision.threshold", '"certified"', "positive"], "threshold = 0.5", 'threshold = §"certified"'),
+                (["decision.threshold", '"often"', "certified"], "threshold = 0.5", 'threshold = §"often"'),
                 (["found number nan"], "threshold = 0.5", "threshold = §nan"),
                 (["found 0", "expected"], "dwell     = 3", "dwell     = §0"),
                 (["found 99999999999999", "expected"], "settle    = 3", "settle    = §99999999999999"),

@@ -22,6 +22,29 @@ constexpr double kWidth = 420.0, kHeight = 230.0, kLeft = 44.0, kRight = 10.0, k
 constexpr std::array<const char*, 5> kColours{"--run-a", "--run-b", "--threshold", "--healthy",
                                               "--fired"};
 
+// A cell may break before its interval, not within it.
+std::string unbroken(const std::string& text) {
+  std::string result;
+  bool is_within = false;
+  for (const char letter : text) {
+    is_within = letter == '(' || (is_within && letter != ')');
+    if (is_within && letter == ' ') {
+      result += "\u00a0";
+    } else {
+      result += letter;
+    }
+  }
+  return result;
+}
+
+std::string percent_cell(const std::optional<Estimate>& share) {
+  return unbroken(percent_text(share));
+}
+
+std::string delay_cell(const std::optional<Estimate>& delay_s) {
+  return unbroken(delay_text(delay_s));
+}
+
 const char* colour(std::size_t i) { return kColours.at(i % kColours.size()); }
 
 /// An axis from `low` to `high`, logarithmic or not.
@@ -235,13 +258,13 @@ std::string metrics_table(const std::vector<Scorecard>& cards,
                        c.failed > 0 ? fmt::format(", {} failed", c.failed) : "");
   });
   row("Runs with a fault", [](const Scorecard& c) { return fmt::format("{}", c.faulty); });
-  row("True detection rate (TDR)", [](const Scorecard& c) { return percent_text(c.TDR); });
+  row("True detection rate (TDR)", [](const Scorecard& c) { return percent_cell(c.TDR); });
   row("Missed-detection rate",
-      [](const Scorecard& c) { return percent_text(c.missed_detection_rate); });
-  row("False-alarm rate (FAR)", [](const Scorecard& c) { return percent_text(c.FAR); });
-  row("False alarms", [](const Scorecard& c) { return rate_text(c.false_alarms_per_h); });
+      [](const Scorecard& c) { return percent_cell(c.missed_detection_rate); });
+  row("False-alarm rate (FAR)", [](const Scorecard& c) { return percent_cell(c.FAR); });
+  row("False alarms", [](const Scorecard& c) { return unbroken(rate_text(c.false_alarms_per_h)); });
   row("Fault-free time", [](const Scorecard& c) { return fmt::format("{:.3g} h", c.faultless_h); });
-  row("Fault isolation accuracy (FIA)", [](const Scorecard& c) { return percent_text(c.FIA); });
+  row("Fault isolation accuracy (FIA)", [](const Scorecard& c) { return percent_cell(c.FIA); });
   row("Method", [](const Scorecard& c) { return c.campaign.method; });
   row("Bank", [](const Scorecard& c) { return c.campaign.bank; });
   return "<div class=\"scroll\">" + table.text() + "</div>\n";
@@ -260,10 +283,10 @@ std::string fault_table(const Scorecard& card, const std::string& name) {
                          {"Design: isolated from", true}});
   for (const FaultScore& fault : card.faults) {
     table.add({fmt::format("{} {}", fault.truth, fault.kind), fmt::format("{}", fault.runs),
-               percent_text(fault.detected), percent_text(fault.isolated),
-               delay_text(fault.detection_median_s), delay_text(fault.detection_p95_s),
-               delay_text(fault.isolation_median_s), delay_text(fault.isolation_p95_s),
-               size_text(fault.detectable), predicted_text(fault.predicted)});
+               percent_cell(fault.detected), percent_cell(fault.isolated),
+               delay_cell(fault.detection_median_s), delay_cell(fault.detection_p95_s),
+               delay_cell(fault.isolation_median_s), delay_cell(fault.isolation_p95_s),
+               unbroken(size_text(fault.detectable)), predicted_text(fault.predicted)});
   }
   return "<div class=\"scroll\">" + table.text() + "</div>\n";
 }
@@ -338,40 +361,135 @@ std::string comparison_section(const Scorecard& a, const Scorecard& b,
       {"Detection delay, median of the differences",
        c.delay_difference_s ? fmt::format("{:+.3g} ms", 1e3 * c.delay_difference_s->value) : "-",
        "", ""});
-  return "<section><h2>Run by run</h2><div class=\"scroll\">" + table.text() + "</div></section>\n";
+  return "<div class=\"scroll\">" + table.text() + "</div>\n";
+}
+
+// Cards of one sweep, which stand side by side.
+struct Group {
+  std::string title;
+  std::vector<Scorecard> cards;
+  std::vector<std::string> names;
+};
+
+std::vector<Group> groups_of(const std::vector<Scorecard>& cards,
+                             const std::vector<std::string>& names) {
+  std::vector<Group> groups;
+  for (std::size_t i = 0; i < cards.size(); ++i) {
+    const CampaignIdentity& campaign = cards[i].campaign;
+    const std::string title = fmt::format("{}, plant {}", campaign.name, campaign.plant);
+    auto group = std::find_if(groups.begin(), groups.end(),
+                              [&](const Group& one) { return one.title == title; });
+    if (group == groups.end()) group = groups.insert(groups.end(), Group{title, {}, {}});
+    group->cards.push_back(cards[i]);
+    group->names.push_back(names[i]);
+  }
+  return groups;
+}
+
+// A part of the page with its heading, below the group's where there are several.
+class Outline {
+ public:
+  explicit Outline(bool has_groups) : tag_(has_groups ? "h3" : "h2") {}
+  [[nodiscard]] std::string section(const std::string& title, const std::string& body) const {
+    return body.empty() ? "" : fmt::format("<section><{0}>{1}</{0}>{2}</section>\n", tag_, title, body);
+  }
+
+ private:
+  const char* tag_;
+};
+
+std::string group_text(const Group& group, const Outline& outline) {
+  const auto& [title, cards, names] = group;
+  std::string text = outline.section("Metrics", metrics_table(cards, names));
+  if (cards.size() == 2) {
+    text += outline.section("Run by run", comparison_section(cards[0], cards[1], names));
+  }
+  std::string faults;
+  for (std::size_t i = 0; i < cards.size(); ++i) faults += fault_table(cards[i], names[i]);
+  text += outline.section(
+      "Faults", faults + "<div class=\"grid\">" + fault_charts(cards, names) + "</div>");
+  text += outline.section("Delays and false alarms", "<div class=\"grid\">" +
+                                                         delay_chart(cards, names) +
+                                                         roc_chart(cards, names) + "</div>");
+  std::string confusion;
+  for (std::size_t i = 0; i < cards.size(); ++i) confusion += confusion_table(cards[i], names[i]);
+  text += outline.section("Confusion", confusion);
+  return text + outline.section("Residuals", residual_table(cards, names));
+}
+
+// The banks of all groups in one table.
+std::string overview(const std::vector<Group>& groups) {
+  HtmlTable table("All banks", {{"Bank", false},
+                                {"Method", false},
+                                {"Plant", false},
+                                {"Faults detected", true},
+                                {"Faults isolated", true},
+                                {"Detection delay, median", true},
+                                {"False-alarm rate (FAR)", true},
+                                {"Isolation accuracy (FIA)", true}});
+  for (const Group& group : groups) {
+    for (std::size_t i = 0; i < group.cards.size(); ++i) {
+      const Scorecard& card = group.cards[i];
+      std::uint64_t runs = 0, detected = 0, isolated = 0;
+      std::vector<double> delays;
+      for (const ScoredRun& run : card.all) {
+        if (!run.has_fault()) continue;
+        ++runs;
+        detected += run.is_detected ? 1U : 0U;
+        isolated += run.isolation_delay_s ? 1U : 0U;
+        if (run.detection_delay_s) delays.push_back(*run.detection_delay_s);
+      }
+      std::string median = "-";
+      if (2 * delays.size() > runs) {
+        const auto middle = delays.begin() + static_cast<std::ptrdiff_t>(runs / 2);
+        std::nth_element(delays.begin(), middle, delays.end());
+        median = *middle >= 1.0 ? fmt::format("{:.3g} s", *middle)
+                                : fmt::format("{:.3g} ms", 1e3 * *middle);
+      }
+      const auto share = [runs](std::uint64_t count) {
+        return runs == 0 ? std::string("-") : percent_cell(proportion(count, runs));
+      };
+      table.add({group.names[i], card.campaign.method, card.campaign.plant, share(detected),
+                 share(isolated), median, percent_cell(card.FAR), percent_cell(card.FIA)});
+    }
+  }
+  return "<div class=\"scroll\">" + table.text() + "</div>\n";
+}
+
+std::string origin_text(const std::vector<Scorecard>& cards,
+                        const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t i = 0; i < cards.size(); ++i) {
+    const CampaignIdentity& campaign = cards[i].campaign;
+    text += fmt::format(
+        "<p><strong>{}</strong>: campaign \"{}\" ({}), digest <code>{}</code>, plant {}, bank {}, "
+        "faultline {}</p>\n",
+        html(names[i]), html(campaign.name), html(campaign.sampling), html(campaign.digest),
+        html(campaign.plant), html(campaign.bank), html(campaign.version));
+  }
+  return text;
 }
 
 }  // namespace
 
 std::string score_page(const std::vector<Scorecard>& cards, const std::vector<std::string>& names,
                        const std::string& version) {
+  const std::vector<Group> groups = groups_of(cards, names);
   const std::string title = fmt::format("{}: scorecard", fmt::join(names, ", "));
   std::string body = fmt::format(
       "<a class=\"skip\" href=\"#main\">Skip to the scores</a>\n<header><h1>{}</h1>\n<p "
       "class=\"quiet\">What the banks find, how fast, and how often they are wrong</p></header>\n"
-      "<main id=\"main\">\n<section><h2>Metrics</h2>{}</section>\n",
-      html(title), metrics_table(cards, names));
-  if (cards.size() == 2) body += comparison_section(cards[0], cards[1], names);
-  body += "<section><h2>Faults</h2>";
-  for (std::size_t i = 0; i < cards.size(); ++i) body += fault_table(cards[i], names[i]);
-  body += "<div class=\"grid\">" + fault_charts(cards, names) + "</div></section>\n";
-  body += "<section><h2>Delays and false alarms</h2><div class=\"grid\">" +
-          delay_chart(cards, names) + roc_chart(cards, names) + "</div></section>\n";
-  body += "<section><h2>Confusion</h2>";
-  for (std::size_t i = 0; i < cards.size(); ++i) body += confusion_table(cards[i], names[i]);
-  body += "</section>\n<section><h2>Residuals</h2>" + residual_table(cards, names) + "</section>\n";
-  body += "<section><h2>How to repeat it</h2>";
-  for (std::size_t i = 0; i < cards.size(); ++i) {
-    const CampaignIdentity& campaign = cards[i].campaign;
-    body += fmt::format(
-        "<p><strong>{}</strong>: campaign \"{}\" ({}), digest <code>{}</code>, plant {}, bank {}, "
-        "faultline {}</p>\n",
-        html(names[i]), html(campaign.name), html(campaign.sampling), html(campaign.digest),
-        html(campaign.plant), html(campaign.bank), html(campaign.version));
+      "<main id=\"main\">\n",
+      html(groups.size() > 1 ? "Scorecard" : title));
+  const Outline top(false), inner(groups.size() > 1);
+  if (groups.size() > 1) body += top.section("Overview", overview(groups));
+  for (const Group& group : groups) {
+    if (groups.size() > 1) body += fmt::format("<h2 class=\"group\">{}</h2>\n", html(group.title));
+    body += group_text(group, inner);
   }
-  body += fmt::format(
-      "</section></main><footer><p class=\"quiet\">Made by faultline {}.</p></footer>\n",
-      html(version));
+  body += top.section("How to repeat it", origin_text(cards, names));
+  body += fmt::format("</main><footer><p class=\"quiet\">Made by faultline {}.</p></footer>\n",
+                      html(version));
   return html_page(title, body, "");
 }
 

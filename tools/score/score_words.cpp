@@ -23,8 +23,10 @@ std::string percent_text(const std::optional<Estimate>& share) {
 std::string delay_text(const std::optional<Estimate>& delay_s) {
   if (!delay_s) return "-";
   if (!std::isfinite(delay_s->value)) return "never";
-  return fmt::format("{:.3g} ms ({} .. {})", 1e3 * delay_s->value, bound(delay_s->low, 1e3, "-"),
-                     bound(delay_s->high, 1e3, "never"));
+  const bool is_long = delay_s->value >= 1.0;
+  const double factor = is_long ? 1.0 : 1e3;
+  return fmt::format("{:.3g} {} ({} .. {})", factor * delay_s->value, is_long ? "s" : "ms",
+                     bound(delay_s->low, factor, "-"), bound(delay_s->high, factor, "never"));
 }
 
 std::string rate_text(const std::optional<Estimate>& rate) {

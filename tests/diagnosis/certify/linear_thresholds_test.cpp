@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <random>
+#include <ostream>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -69,6 +70,8 @@ struct TrialCase {
   std::string name, domain, decision, plant, more;
   double reached;  // by the worst course, of the threshold; 0: the leak has no worst course
 };
+
+void PrintTo(const TrialCase& one, std::ostream* out) { *out << one.name; }
 
 class CertifiedThresholdTrial : public testing::TestWithParam<TrialCase> {};
 

@@ -5,6 +5,7 @@
 #include <functional>
 #include <limits>
 #include <random>
+#include <ostream>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -93,6 +94,8 @@ struct NoiseCase {
   std::size_t samples;
   double alarms;           // expected in the record, at the threshold that is asked for
 };
+
+void PrintTo(const NoiseCase& one, std::ostream* out) { *out << one.name; }
 
 class Coverage : public testing::TestWithParam<NoiseCase> {};
 
