@@ -123,7 +123,8 @@ std::vector<Pole> poles_of(const MatrixXd& A) {
   return poles;
 }
 
-std::vector<Pole> closed_loop_poles(const DiscretePlant& plant, const LinearController& controller) {
+std::vector<Pole> closed_loop_poles(const DiscretePlant& plant,
+                                    const LinearController& controller) {
   const Index n = plant.A.rows(), m = plant.B.cols(), p = controller.F.rows();
   MatrixXd loop(n + m + p, n + m + p);
   loop.topRows(n) << plant.A, plant.B, MatrixXd::Zero(n, p);

@@ -39,19 +39,19 @@ struct CalibrateArguments {
 
 // "1e-3/h" in alarms an hour.
 double rate_per_h(const std::string& text) {
-  const std::map<std::string_view, double> hours = {{"s", 1.0 / 3600.0}, {"min", 1.0 / 60.0},
-                                                    {"h", 1.0},          {"day", 24.0},
-                                                    {"week", 168.0},     {"month", 720.0},
-                                                    {"year", 8760.0}};
+  const std::map<std::string_view, double> hours = {
+      {"s", 1.0 / 3600.0}, {"min", 1.0 / 60.0}, {"h", 1.0},      {"day", 24.0},
+      {"week", 168.0},     {"month", 720.0},    {"year", 8760.0}};
   double count = 0.0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), count);
   const std::string_view unit(end, static_cast<std::size_t>(text.data() + text.size() - end));
   const auto found = unit.starts_with('/') ? hours.find(unit.substr(1)) : hours.end();
   if (error != std::errc() || found == hours.end() || !std::isfinite(count) || !(count > 0.0)) {
-    throw std::invalid_argument(fmt::format(
-        "--far: found \"{}\", expected a positive number per time: 1e-3/h, 1/month (s, min, h, day, week, "
-        "month, year)",
-        text));
+    throw std::invalid_argument(
+        fmt::format("--far: found \"{}\", expected a positive number per time: 1e-3/h, 1/month (s, "
+                    "min, h, day, week, "
+                    "month, year)",
+                    text));
   }
   return count / found->second;
 }
@@ -118,10 +118,9 @@ int run_calibrate(const CalibrateArguments& arguments) {
     if (!parts) parts = recorded_parts(arguments.logs.front());
     return whole_part(*parts, name, arguments.logs.front());
   };
-  const PlantModel plant =
-      arguments.plant.empty()
-          ? parse_plant(recorded("plant").text(), recorded("plant").name)
-          : read_plant(arguments.plant);
+  const PlantModel plant = arguments.plant.empty()
+                               ? parse_plant(recorded("plant").text(), recorded("plant").name)
+                               : read_plant(arguments.plant);
   Bank bank = arguments.bank.empty() ? parse_bank(recorded("bank").text(), recorded("bank").name)
                                      : read_bank(arguments.bank);
   if (bank.plant_digest != plant_digest(plant)) {
@@ -165,8 +164,7 @@ void add_calibrate_command(CLI::App& program, int& exit_code) {
       ->add_option("--bank", arguments->bank,
                    "Bank to calibrate; default: the one that the first log was recorded with")
       ->check(CLI::ExistingFile);
-  command
-      ->add_option("--plant", arguments->plant, "Its plant file; default: that of the first log")
+  command->add_option("--plant", arguments->plant, "Its plant file; default: that of the first log")
       ->check(CLI::ExistingFile);
   command
       ->add_option("--held-out", arguments->held_out,

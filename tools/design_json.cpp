@@ -58,6 +58,19 @@ Json complex_json(const std::vector<std::complex<double>>& numbers) {
   return json;
 }
 
+Json shares_json(const ThresholdShares& shares) {
+  return {{"disturbance", shares.disturbance}, {"noise", shares.noise},
+          {"resolution", shares.resolution},   {"leakage", shares.leakage},
+          {"jitter", shares.jitter},           {"gaussian", shares.gaussian}};
+}
+
+Json test_json(const SequentialTest& test) {
+  return {{"kind", test.kind == TestKind::kCusum ? "cusum" : "glr"},
+          {"reference", test.reference},
+          {"window", test.window},
+          {"offset", test.offset}};
+}
+
 void add_filter_json(Json& json, const Bank& bank, const ResidualReport& report,
                      const ResidualFilter& filter) {
   json["responds_to"] = Json::array();
@@ -75,6 +88,12 @@ void add_filter_json(Json& json, const Bank& bank, const ResidualReport& report,
   json["poles"] = complex_json({poles.begin(), poles.end()});
   json["design_poles"] = complex_json(report.poles);
   json["threshold"] = filter.threshold;
+  if (filter.shares) json["threshold_shares"] = shares_json(*filter.shares);
+  if (filter.shares && filter.course) {
+    const Eigen::RowVectorXd last = filter.course->component.bottomRows(1);
+    json["row_thresholds"] = std::vector<double>(last.data(), last.data() + last.size());
+  }
+  if (filter.test) json["test"] = test_json(*filter.test);
   json["forget_samples"] = filter.forget_samples;
   json["certificate"] = certificate_json(filter.certificate);
 }

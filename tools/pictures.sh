@@ -27,7 +27,7 @@ at = text.rindex("<section>", 0, at)
 open(sys.argv[1], "w", encoding="utf-8").write(text[:at] + '<section class="last">' + text[at + len("<section>"):])
 END
 chromium --headless=new --no-sandbox --disable-gpu --hide-scrollbars --user-data-dir="$work/profile" \
-  --window-size=1250,1000 --virtual-time-budget=8000 --screenshot="$out/scorecard.png" "file://$work/scorecard.html" 2>/dev/null
+  --window-size=1250,1120 --virtual-time-budget=8000 --screenshot="$out/scorecard.png" "file://$work/scorecard.html" 2>/dev/null
 FAULTLINE=$program WITH_VCAN_INIT=${WITH_VCAN_INIT:-$(dirname "$program")/vcan-init} DASH_PICTURES=$work \
   python3 "$root/tests/tools/dash_page_test.py"
 cp "$work/dash.png" "$out/dash.png"

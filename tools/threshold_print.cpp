@@ -30,18 +30,20 @@ void print_certified(std::FILE* out, const Bank& bank) {
     const ThresholdShares& shares = *filter.shares;
     const auto last = filter.course->component.bottomRows(1);
     for (std::size_t i = 0; i < shares.noise.size(); ++i) {
-      fmt::print(out, "  {:<10} {:>10.4g} = {:>11.3g} {:>9.3g} {:>9.3g} {:>9.3g} {:>9.3g} {:>9.3g}\n",
+      fmt::print(out,
+                 "  {:<10} {:>10.4g} = {:>11.3g} {:>9.3g} {:>9.3g} {:>9.3g} {:>9.3g} {:>9.3g}\n",
                  row_name(filter, i), last(0, static_cast<Eigen::Index>(i)), shares.disturbance[i],
                  shares.noise[i], shares.resolution[i], shares.leakage[i], shares.jitter[i],
                  shares.gaussian[i]);
     }
   }
-  fmt::print(out, "\n  never crossed {}, from the first sample on for every start in the states' range\n",
-             bank.thresholds.false_alarms_per_h > 0.0
-                 ? fmt::format("by what is bounded; by Gaussian noise at most {} (all residuals "
-                               "together, {} samples in a row)",
-                               rate_text(bank.thresholds.false_alarms_per_h), bank.decision.dwell)
-                 : "while every source keeps to its bound");
+  fmt::print(
+      out, "\n  never crossed {}, from the first sample on for every start in the states' range\n",
+      bank.thresholds.false_alarms_per_h > 0.0
+          ? fmt::format("by what is bounded; by Gaussian noise at most {} (all residuals "
+                        "together, {} samples in a row)",
+                        rate_text(bank.thresholds.false_alarms_per_h), bank.decision.dwell)
+          : "while every source keeps to its bound");
 }
 
 void print_tests(std::FILE* out, const Bank& bank) {
@@ -64,12 +66,14 @@ void print_tests(std::FILE* out, const Bank& bank) {
 }
 
 void print_calibrated(std::FILE* out, const Bank& bank) {
-  const bool is_calibrated = std::any_of(bank.filters.begin(), bank.filters.end(),
-                                         [](const ResidualFilter& f) { return f.calibration.has_value(); });
+  const bool is_calibrated =
+      std::any_of(bank.filters.begin(), bank.filters.end(),
+                  [](const ResidualFilter& f) { return f.calibration.has_value(); });
   if (!is_calibrated) {
-    fmt::print(out,
-               "\n  thresholds NOT CALIBRATED: they are provisional. Record fault-free runs with this "
-               "bank, then\n  faultline calibrate LOG.. --far 1e-3/h -o BANK\n");
+    fmt::print(
+        out,
+        "\n  thresholds NOT CALIBRATED: they are provisional. Record fault-free runs with this "
+        "bank, then\n  faultline calibrate LOG.. --far 1e-3/h -o BANK\n");
     return;
   }
   fmt::print(out, "\n  calibrated thresholds\n  {:<10} {:>9} {:>12} {:>23} {:>8} {:>8} {:>16}\n",
@@ -78,9 +82,10 @@ void print_calibrated(std::FILE* out, const Bank& bank) {
   for (const ResidualFilter& filter : bank.filters) {
     if (!filter.calibration) continue;
     const Calibration& c = *filter.calibration;
-    fmt::print(out, "  {:<10} {:>9.4g} {:>12.3g} {:>10.2g} .. {:<9.2g} {:>8.3g} {:>8} {:>6} of {:<6.1f}\n",
-               filter.name, filter.threshold, c.false_alarms_per_h, c.rate_low_per_h,
-               c.rate_high_per_h, c.hours, c.exceedances, c.held_out_found, c.held_out_expected);
+    fmt::print(
+        out, "  {:<10} {:>9.4g} {:>12.3g} {:>10.2g} .. {:<9.2g} {:>8.3g} {:>8} {:>6} of {:<6.1f}\n",
+        filter.name, filter.threshold, c.false_alarms_per_h, c.rate_low_per_h, c.rate_high_per_h,
+        c.hours, c.exceedances, c.held_out_found, c.held_out_expected);
   }
 }
 

@@ -149,19 +149,19 @@ struct SequentialTest {
 /// Longest window of a GLR test.
 inline constexpr std::uint32_t kMaxGlrWindow = 10'000;
 
-/// Where a calibrated threshold comes from: a generalised Pareto tail, fitted to what the evaluation
-/// signal exceeded for `dwell` samples in fault-free logs.
+/// Where a calibrated threshold comes from: a generalised Pareto tail, fitted to what the
+/// evaluation signal exceeded for `dwell` samples in fault-free logs.
 struct Calibration {
-  double hours = 0.0;                ///< of the fault-free record that was fitted
-  std::uint32_t exceedances = 0;     ///< independent ones (clusters) above `level`
-  double level = 0.0;                ///< u
-  double scale = 0.0;                ///< σ > 0
-  double shape = 0.0;                ///< ξ
-  double false_alarms_per_h = 0.0;   ///< of this residual at its threshold
-  double rate_low_per_h = 0.0;       ///< 95 % confidence interval of that
+  double hours = 0.0;               ///< of the fault-free record that was fitted
+  std::uint32_t exceedances = 0;    ///< independent ones (clusters) above `level`
+  double level = 0.0;               ///< u
+  double scale = 0.0;               ///< σ > 0
+  double shape = 0.0;               ///< ξ
+  double false_alarms_per_h = 0.0;  ///< of this residual at its threshold
+  double rate_low_per_h = 0.0;      ///< 95 % confidence interval of that
   double rate_high_per_h = 0.0;
-  double held_out_hours = 0.0;       ///< of the record that was not fitted
-  double held_out_expected = 0.0;    ///< exceedances of `level` in it
+  double held_out_hours = 0.0;     ///< of the record that was not fitted
+  double held_out_expected = 0.0;  ///< exceedances of `level` in it
   std::uint32_t held_out_found = 0;
 };
 
@@ -254,8 +254,8 @@ struct ResidualFilter {
   std::optional<ThresholdCourse> course{};      ///< absent: τ at all times
   std::optional<FaultEstimation> estimation{};  ///< if its residual is an estimate
   std::optional<ObserverCertificate> observer{};
-  std::optional<SequentialTest> test{};         ///< absent: plain comparison
-  std::optional<ThresholdShares> shares{};      ///< of certified thresholds of linear filters
+  std::optional<SequentialTest> test{};     ///< absent: plain comparison
+  std::optional<ThresholdShares> shares{};  ///< of certified thresholds of linear filters
   std::optional<Calibration> calibration{};
   FilterCertificate certificate;
 };

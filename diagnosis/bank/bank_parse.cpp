@@ -111,8 +111,8 @@ SequentialTest read_test(const JsonCursor& object, std::size_t rows) {
 }
 
 ThresholdShares read_shares(const JsonCursor& object, std::size_t rows) {
-  const std::vector<JsonCursor> at = object.members(
-      {"disturbance", "noise", "resolution", "leakage", "jitter", "gaussian"});
+  const std::vector<JsonCursor> at =
+      object.members({"disturbance", "noise", "resolution", "leakage", "jitter", "gaussian"});
   return {at[0].not_negatives(rows), at[1].not_negatives(rows), at[2].not_negatives(rows),
           at[3].not_negatives(rows), at[4].not_negatives(rows), at[5].not_negatives(rows)};
 }

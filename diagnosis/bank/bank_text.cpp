@@ -93,10 +93,9 @@ std::string thresholds_text(const ThresholdBasis& basis) {
 }
 
 std::string test_text(const SequentialTest& test) {
-  return fmt::format(
-      "{{\"kind\": \"{}\", \"reference\": {}, \"window\": {}, \"offset\": {}}}",
-      test.kind == TestKind::kCusum ? "cusum" : "glr", json_number(test.reference), test.window,
-      number_list(test.offset));
+  return fmt::format("{{\"kind\": \"{}\", \"reference\": {}, \"window\": {}, \"offset\": {}}}",
+                     test.kind == TestKind::kCusum ? "cusum" : "glr", json_number(test.reference),
+                     test.window, number_list(test.offset));
 }
 
 std::string shares_text(const ThresholdShares& shares) {

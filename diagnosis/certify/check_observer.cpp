@@ -96,7 +96,8 @@ class ObserverCheck {
                     fmt::format("{} samples of them", found.component.rows()));
       return;
     }
-    findings_.compare_courses("componentwise threshold", filter_.course->component, found.component);
+    findings_.compare_courses("componentwise threshold", filter_.course->component,
+                              found.component);
     findings_.compare_courses("quadratic threshold", filter_.course->norm, found.norm);
   }
 

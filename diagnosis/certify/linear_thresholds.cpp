@@ -128,18 +128,19 @@ class Proof {
       const MatrixXd reach = is_constant ? dc_gain(system).cwiseAbs() : l1_norm(system);
       if (!disturbance.bound) {
         if ((reach.col(0).array() <= kRounding * possible_rows.array()).all()) continue;
-        refuse(fmt::format("disturbance {} reaches it{} and has no bound; expected bound in its "
-                           "[[disturbance]], or the disturbance in decouple",
-                           disturbance.name, treatment == Treatment::kDecoupled
-                                                 ? " (by what the discretisation leaves)"
-                                                 : ""));
+        refuse(fmt::format(
+            "disturbance {} reaches it{} and has no bound; expected bound in its "
+            "[[disturbance]], or the disturbance in decouple",
+            disturbance.name,
+            treatment == Treatment::kDecoupled ? " (by what the discretisation leaves)" : ""));
       }
       const VectorXd bound = VectorXd::Constant(1, *disturbance.bound);
       if (is_constant) {
         steps_.push_back({Share::kLeakage, system, bound});
       } else {
-        sources_.push_back({treatment == Treatment::kDecoupled ? Share::kLeakage : Share::kDisturbance,
-                            system, bound});
+        sources_.push_back(
+            {treatment == Treatment::kDecoupled ? Share::kLeakage : Share::kDisturbance, system,
+             bound});
       }
     }
   }
@@ -164,9 +165,10 @@ class Proof {
         sources_.push_back(
             {Share::kNoise, output_error(noise.output), VectorXd::Constant(1, *noise.bound)});
       } else {
-        refuse(fmt::format("{} has no bound; expected bound in its [[noise]], or "
-                           "false_alarms_per_h in [decision], which takes its sigma",
-                           noise.name));
+        refuse(
+            fmt::format("{} has no bound; expected bound in its [[noise]], or "
+                        "false_alarms_per_h in [decision], which takes its sigma",
+                        noise.name));
       }
     }
   }
@@ -206,9 +208,10 @@ class Proof {
     const MatrixXd modes = loop_.uncancelled().cwiseAbs();
     if (modes.size() == 0 || modes.maxCoeff() == 0.0) return;
     if (!plant_.state_range) {
-      refuse("the plant has a mode that is not stable, of which the hold of y between samples leaves "
-             "something in it; expected range in [states], or domain = \"sampled\", where nothing "
-             "is left");
+      refuse(
+          "the plant has a mode that is not stable, of which the hold of y between samples leaves "
+          "something in it; expected range in [states], or domain = \"sampled\", where nothing "
+          "is left");
     }
     leakage += modes * *plant_.state_range;
   }
@@ -233,8 +236,9 @@ class Proof {
   void refuse_coloured() const {
     const Index rows = filter_.H.rows();
     if (gaussian_.cols() == 0) {
-      refuse("a sequential test takes Gaussian noise in the residual; expected sigma in a [[noise]] "
-             "of the plant");
+      refuse(
+          "a sequential test takes Gaussian noise in the residual; expected sigma in a [[noise]] "
+          "of the plant");
     }
     const auto R = autocovariances(noise_system(), kMostLags);
     double off = (R.front() - MatrixXd::Identity(rows, rows)).cwiseAbs().maxCoeff();
@@ -242,9 +246,10 @@ class Proof {
     for (std::size_t j = 1; j < R.size(); ++j) correlated += 2.0 * R[j].cwiseAbs().maxCoeff();
     off = std::max(off, correlated);
     if (!(off <= kWhite)) {
-      refuse(fmt::format("its noise is not white, of unit covariance (off by {:.2g}); a sequential "
-                         "test takes such",
-                         off));
+      refuse(
+          fmt::format("its noise is not white, of unit covariance (off by {:.2g}); a sequential "
+                      "test takes such",
+                      off));
     }
   }
 
@@ -259,15 +264,17 @@ class Proof {
   void refuse_nothing(const VectorXd& threshold) const {
     const VectorXd least = kRounding * possible();
     if ((threshold.array() > least.array()).all()) return;
-    refuse("it would be zero: no disturbance, noise or rounding that the plant file or [decision] "
-           "resolution bounds reaches it; expected one, as an ideal residual has no threshold");
+    refuse(
+        "it would be zero: no disturbance, noise or rounding that the plant file or [decision] "
+        "resolution bounds reaches it; expected one, as an ideal residual has no threshold");
   }
 
   // From the first sample on.
   [[nodiscard]] MatrixXd course(const VectorXd& bounded, const VectorXd& gaussian) const {
     if (!plant_.state_range) {
-      refuse("they hold from the first sample on and need the states' ranges; expected range in "
-             "[states] of the plant file");
+      refuse(
+          "they hold from the first sample on and need the states' ranges; expected range in "
+          "[states] of the plant file");
     }
     const VectorXd limit = bounded + gaussian;
     const StableSystem start = loop_.stacked(FilterLoop::Source::kState);

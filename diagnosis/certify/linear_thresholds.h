@@ -57,7 +57,8 @@ class LinearThresholdProof {
   /// `plant`, `bank`, `loop` must outlive it.
   LinearThresholdProof(const PlantModel& plant, const Bank& bank, SampledPlant& loop);
 
-  /// @throws std::invalid_argument a bound or range is missing, nothing reaches the residual, start-up
+  /// @throws std::invalid_argument a bound or range is missing, nothing reaches the residual,
+  /// start-up
   ///   takes longer than 20,000 samples, a residual under a sequential test is not white: with what
   ///   is to be done.
   [[nodiscard]] LinearThresholds prove(const ResidualFilter& filter) const;

@@ -80,8 +80,8 @@ double cusum_run_length(double reference, double threshold, double mean) {
   for (Index i = 0; i <= count; ++i) {
     system(i, 0) = -normal_distribution(drift - from[i]);
     for (Index j = 0; j < count; ++j) {
-      system(i, j + 1) = -threshold * rule.weight[j] *
-                         normal_density(threshold * rule.node[j] - from[i] + drift);
+      system(i, j + 1) =
+          -threshold * rule.weight[j] * normal_density(threshold * rule.node[j] - from[i] + drift);
     }
     system(i, i) += 1.0;
   }
@@ -101,8 +101,7 @@ double cusum_threshold(double reference, double rate) {
     const double x = 2.0 * reference * (h + 1.166);
     return (std::exp(x) - x - 1.0) / (2.0 * reference * reference);
   };
-  const double about =
-      threshold_at([&](double h) { return 1.0 / siegmund(h); }, rate, 0.0, 1.0);
+  const double about = threshold_at([&](double h) { return 1.0 / siegmund(h); }, rate, 0.0, 1.0);
   const double wanted = -std::log(rate);
   double a = std::max(about, 1e-3), b = 1.05 * a + 0.01;
   double f_a = std::log(cusum_run_length(reference, a)) - wanted;

@@ -20,9 +20,9 @@ namespace faultline {
 ///
 ///   b φ(b) Σ_j b² / (2 j²) ν(b/√j)²,  1 <= j <= window
 ///
-/// (Siegmund, Venkatraman, Ann. Statist. 23 (1995) 255-271, their integral as the sum that it stands
-/// for; ν by Siegmund, Yakir, The Statistics of Gene Mapping, 2007). Asymptotic: within 15 % where
-/// the rate is below 1e-3.
+/// (Siegmund, Venkatraman, Ann. Statist. 23 (1995) 255-271, their integral as the sum that it
+/// stands for; ν by Siegmund, Yakir, The Statistics of Gene Mapping, 2007). Asymptotic: within 15 %
+/// where the rate is below 1e-3.
 [[nodiscard]] double glr_rate(double threshold, std::uint32_t window);
 
 /// The h at which it does so `rate` times per sample.

@@ -67,14 +67,15 @@ class OrthantProbability {
         if (i == n_ - 1) {
           const double low = (-bound_[i] - given) / L_(i, i);
           const double high = (bound_[i] - given) / L_(i, i);
-          probability *= low > 0.0 ? upper_tail(low) - upper_tail(high)
-                                   : upper_tail(-high) - upper_tail(-low);
+          probability *=
+              low > 0.0 ? upper_tail(low) - upper_tail(high) : upper_tail(-high) - upper_tail(-low);
           break;
         }
         const double tail = upper_tail((bound_[i] - given) / L_(i, i));
         probability *= tail;
         {
-          const double at = (static_cast<double>(point) + 0.5) * kGenerators[static_cast<std::size_t>(i)];
+          const double at =
+              (static_cast<double>(point) + 0.5) * kGenerators[static_cast<std::size_t>(i)];
           const double w = std::abs(2.0 * (at - std::floor(at)) - 1.0);
           y[static_cast<std::size_t>(i)] = upper_quantile(tail * std::max(w, 1e-12));
         }
@@ -103,7 +104,8 @@ double probability_bound(const MatrixXd& covariance, const VectorXd& bound) {
     best = std::min(best, upper_tail(a.dot(bound.head(n)) / std::sqrt(variance)));
     // Weight to where aᵀbound grows faster than the deviation.
     const VectorXd gain = bound.head(n) / a.dot(bound.head(n)) - Sa / variance;
-    a = (a.array() * (0.5 * gain.array() * static_cast<double>(n)).min(2.0).max(-2.0).exp()).matrix();
+    a = (a.array() * (0.5 * gain.array() * static_cast<double>(n)).min(2.0).max(-2.0).exp())
+            .matrix();
     a /= a.sum();
   }
   return best;
@@ -212,8 +214,8 @@ double exceedance_factor(const std::vector<MatrixXd>& R, std::size_t dwell, doub
   const VectorXd deviation = R.front().diagonal().cwiseMax(0.0).cwiseSqrt();
   // The square root of the rate's logarithm is nearly a line in c.
   const auto depth = [&](double c) {
-    return std::sqrt(-std::log(
-        std::clamp(exceedance_rate(R, c * deviation, dwell), 1e-300, 0.999)));
+    return std::sqrt(
+        -std::log(std::clamp(exceedance_rate(R, c * deviation, dwell), 1e-300, 0.999)));
   };
   const double wanted = std::sqrt(-std::log(rate));
   double low = 0.05, high = 1.0;

@@ -20,7 +20,8 @@ namespace faultline {
 /// How often a Gaussian, stationary r starts to exceed its levels for `dwell` samples in a row, per
 /// sample: the probability that at k = 1 .. dwell some |r_i(k)| > level_i, and at k = 0 none.
 ///
-///   Σ over rows i_k and signs s_k of  P(s_k r_i_k(k) > level_i_k for all k, |r_i_1(0)| <= level_i_1)
+///   Σ over rows i_k and signs s_k of  P(s_k r_i_k(k) > level_i_k for all k, |r_i_1(0)| <=
+///   level_i_1)
 ///
 /// exact for one row (the events exclude each other), an upper bound for several. Of a dwell with
 /// more than kMostPatterns of them some samples are left out: an upper bound, too. The

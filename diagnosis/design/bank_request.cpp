@@ -74,9 +74,10 @@ void read_threshold(TomlTable& decision, BankRequest& request) {
     return;
   }
   if (decision.is_string("threshold")) {
-    request.threshold_kind = decision.choice("threshold", {"certified", "calibrated"}) == "certified"
-                                 ? ThresholdBasis::Kind::kCertified
-                                 : ThresholdBasis::Kind::kCalibrated;
+    request.threshold_kind =
+        decision.choice("threshold", {"certified", "calibrated"}) == "certified"
+            ? ThresholdBasis::Kind::kCertified
+            : ThresholdBasis::Kind::kCalibrated;
     request.threshold = kProvisionalThreshold;
     return;
   }
@@ -116,10 +117,11 @@ void read_threshold_basis(TomlTable& decision, BankRequest& request) {
     request.false_alarms_per_h = read_positive(decision, "false_alarms_per_h");
     if (const double samples = 3600.0 / request.sample_time_s;
         request.false_alarms_per_h > kMostAlarms * samples) {
-      throw decision.error("false_alarms_per_h",
-                           fmt::format("found {}, expected at most {} (one in 1000 of the {} samples "
-                                       "of an hour)",
-                                       request.false_alarms_per_h, kMostAlarms * samples, samples));
+      throw decision.error(
+          "false_alarms_per_h",
+          fmt::format("found {}, expected at most {} (one in 1000 of the {} samples "
+                      "of an hour)",
+                      request.false_alarms_per_h, kMostAlarms * samples, samples));
     }
   }
 }
@@ -140,9 +142,10 @@ void read_test(TomlTable& decision, BankRequest& request) {
     return;
   }
   if (request.method == "uio") {
-    throw decision.error("test",
-                         "found a sequential test, expected \"comparison\": the residuals of method "
-                         "\"uio\" have bounds, not a distribution");
+    throw decision.error(
+        "test",
+        "found a sequential test, expected \"comparison\": the residuals of method "
+        "\"uio\" have bounds, not a distribution");
   }
   const bool has_rate = request.threshold_kind == ThresholdBasis::Kind::kCertified &&
                         request.false_alarms_per_h > 0.0;

@@ -56,7 +56,7 @@ struct BankRequest {
   std::optional<double> tuned_for;
   /// Samples of a GLR test; absent: as many as a fault of that size takes.
   std::optional<std::uint32_t> glr_window;
-  UioRequest uio;          ///< method "uio" only
+  UioRequest uio;                        ///< method "uio" only
   EigenstructureRequest eigenstructure;  ///< method "eigenstructure" only
   DecisionRule decision;
   /// DecisionRule::window; absent: five time constants of the slowest filter.

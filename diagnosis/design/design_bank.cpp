@@ -99,6 +99,12 @@ double normalising_factor(const Sensitivities& found) {
   return 1.0 / (std::isfinite(smallest_gain) ? smallest_gain : smallest_peak);
 }
 
+// Of the filter as it runs, to constant faults: rows×k.
+MatrixXd response_at_rest(const ResidualFilter& filter) {
+  const Index d = filter.F.rows();
+  return filter.J + filter.M * (MatrixXd::Identity(d, d) - filter.F).partialPivLu().solve(filter.L);
+}
+
 // Finite and stable, as it must be but for rounding errors beyond all bounds.
 bool is_usable(const ResidualFilter& filter) {
   const auto matrices = {&filter.F, &filter.E, &filter.G, &filter.M,
@@ -266,6 +272,13 @@ class BankDesign {
     for (const double gain : found.gain) {
       report.dc_gain.push_back(factor * gain);
     }
+    if (filter.test) {
+      const MatrixXd at_rest = response_at_rest(filter);
+      for (std::size_t j = 0; j < report.dc_gain.size(); ++j) {
+        if (found.sees[j] != Sensitivity::kSteady) continue;
+        report.dc_gain[j] = plant_.faults[j].size * at_rest.col(static_cast<Index>(j)).norm();
+      }
+    }
     const Eigen::VectorXcd poles = eigenvalues(geometric.F);
     report.poles.assign(poles.begin(), poles.end());
     result_.bank.filters.push_back(std::move(filter));
@@ -278,9 +291,7 @@ class BankDesign {
     } catch (const std::invalid_argument& error) {
       throw request_error(request_, "decision", fmt::format("test: {}", error.what()));
     }
-    const Index d = filter.F.rows();
-    const MatrixXd at_rest =
-        filter.J + filter.M * (MatrixXd::Identity(d, d) - filter.F).partialPivLu().solve(filter.L);
+    const MatrixXd at_rest = response_at_rest(filter);
     double smallest = std::numeric_limits<double>::infinity();
     for (std::size_t j = 0; j < filter.sees.size(); ++j) {
       if (filter.sees[j] != Sensitivity::kSteady) continue;
@@ -288,10 +299,11 @@ class BankDesign {
       smallest = std::min(smallest, plant_.faults[j].size * gain);
     }
     if (!std::isfinite(smallest)) {
-      throw request_error(request_, "decision",
-                          fmt::format("test: {} sees every fault in transients only: there is nothing "
-                                      "that adds up; expected test = \"comparison\"",
-                                      filter.name));
+      throw request_error(
+          request_, "decision",
+          fmt::format("test: {} sees every fault in transients only: there is nothing "
+                      "that adds up; expected test = \"comparison\"",
+                      filter.name));
     }
     const double shift =
         request_.tuned_for ? *request_.tuned_for * smallest : std::min(kUsualShift, smallest);

@@ -40,9 +40,10 @@ ThresholdBasis threshold_basis(const PlantModel& plant, const BankRequest& reque
     basis.output_resolution[found - plant.output_names.begin()] = lsb;
   }
   if (basis.jitter_s > 0.0 && plant.time == TimeDomain::kDiscrete) {
-    throw request_error(request, "decision",
-                        "jitter_s: found it, expected none: the plant is discrete, there is nothing "
-                        "between its samples");
+    throw request_error(
+        request, "decision",
+        "jitter_s: found it, expected none: the plant is discrete, there is nothing "
+        "between its samples");
   }
   return basis;
 }

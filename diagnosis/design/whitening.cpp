@@ -44,9 +44,10 @@ void whiten(const PlantModel& plant, ResidualFilter& filter) {
     const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(S);
     const double largest = solver.eigenvalues().maxCoeff();
     if (!(largest > 0.0) || solver.eigenvalues().minCoeff() <= kNoVariance * largest) {
-      refuse(filter,
-             "a sequential test takes Gaussian noise in every row of the residual; expected sigma in "
-             "[[noise]] of the plant, for enough outputs");
+      refuse(
+          filter,
+          "a sequential test takes Gaussian noise in every row of the residual; expected sigma in "
+          "[[noise]] of the plant, for enough outputs");
     }
     gain = (filter.F * P * filter.M.transpose() + cross) *
            (solver.eigenvectors() * solver.eigenvalues().cwiseInverse().asDiagonal() *

@@ -5,8 +5,8 @@
 
 namespace faultline {
 
-/// Makes the residual white, of unit covariance, under the plant's noise (its sigmas), by the gain of
-/// the stationary Kalman filter: with e_k+1 = F e_k - E D_n n_k, r_k = M e_k - H D_n n_k
+/// Makes the residual white, of unit covariance, under the plant's noise (its sigmas), by the gain
+/// of the stationary Kalman filter: with e_k+1 = F e_k - E D_n n_k, r_k = M e_k - H D_n n_k
 ///
 ///   P = F P Fᵀ + E N Eᵀ - K_w S K_wᵀ,  S = M P Mᵀ + H N Hᵀ,  N = D_n D_nᵀ
 ///   K_w = (F P Mᵀ + E N Hᵀ) S⁻¹

@@ -137,10 +137,11 @@ PlantModel with_rounded_outputs(const PlantModel& model, const Eigen::VectorXd& 
   PlantModel rounded = model;
   for (Eigen::Index i = 0; i < resolution.size(); ++i) {
     if (resolution[i] <= 0.0) continue;
-    rounded.noises.push_back({.name = "rounding of " + model.output_names[static_cast<std::size_t>(i)],
-                              .output = Eigen::VectorXd::Unit(model.q(), i),
-                              .bound = 0.5 * resolution[i],
-                              .sigma = {}});
+    rounded.noises.push_back(
+        {.name = "rounding of " + model.output_names[static_cast<std::size_t>(i)],
+         .output = Eigen::VectorXd::Unit(model.q(), i),
+         .bound = 0.5 * resolution[i],
+         .sigma = {}});
   }
   return rounded;
 }

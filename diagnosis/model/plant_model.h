@@ -85,8 +85,8 @@ struct PlantModel {
   [[nodiscard]] std::vector<std::string> fault_names() const;
 };
 
-/// The plant with the rounding of its outputs as further noises: half of `resolution` (q, one LSB of
-/// each; empty: none) as bound.
+/// The plant with the rounding of its outputs as further noises: half of `resolution` (q, one LSB
+/// of each; empty: none) as bound.
 [[nodiscard]] PlantModel with_rounded_outputs(const PlantModel& model,
                                               const Eigen::VectorXd& resolution);
 

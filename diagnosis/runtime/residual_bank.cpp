@@ -114,7 +114,7 @@ struct ResidualBank::State {
   std::vector<PlacedCourse> courses;
   std::vector<PlacedTest> tests;
   bool has_more = false;  // terms, courses or tests: one question where there are none
-  std::size_t k = 0;           // of the next sample; counts for courses
+  std::size_t k = 0;      // of the next sample; counts for courses
 
   [[nodiscard]] std::size_t channel_count() const { return output_count + input_count; }
 
@@ -184,8 +184,8 @@ void ResidualBank::State::add_course(const ResidualFilter& filter, const Destina
         {CourseEvaluation(filter), destination.filter, destination.first_row, destination.rows});
   }
   if (filter.test) {
-    tests.push_back({SequentialStatistic(filter), destination.filter, destination.first_row,
-                     destination.rows});
+    tests.push_back(
+        {SequentialStatistic(filter), destination.filter, destination.first_row, destination.rows});
   }
 }
 

@@ -39,8 +39,8 @@ class ResidualBank {
   /// Back to v = 0 and k = 0.
   void reset() noexcept;
 
-  /// Sequential tests begin anew where the residual is contaminated (Evaluator::contaminated()): what
-  /// a bad sample left must not add up. Once per sample, after step().
+  /// Sequential tests begin anew where the residual is contaminated (Evaluator::contaminated()):
+  /// what a bad sample left must not add up. Once per sample, after step().
   void restart_tests(std::span<const std::uint8_t> is_contaminated) noexcept;
 
   /// r_k of all filters, stacked; Bank::residual_rows() values. Valid until the next call.

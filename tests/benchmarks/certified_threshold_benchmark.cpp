@@ -29,8 +29,10 @@ struct Subject {
 // where the plant file gives no range.
 Subject subject(const std::string& folder, const std::string& bank, DesignDomain domain) {
   const std::string path = std::string(FAULTLINE_EXAMPLES_DIR) + "/" + folder + "/" + bank;
-  Subject result{folder + "/" + bank + (domain == DesignDomain::kContinuous ? ", continuous" : ", sampled"),
-                 {}, read_bank_request(path)};
+  Subject result{
+      folder + "/" + bank + (domain == DesignDomain::kContinuous ? ", continuous" : ", sampled"),
+      {},
+      read_bank_request(path)};
   result.plant = read_plant(result.request.plant);
   for (Noise& noise : result.plant.noises) {
     if (!noise.bound) noise.bound = 5.0 * noise.sigma.value();
@@ -46,7 +48,8 @@ Subject subject(const std::string& folder, const std::string& bank, DesignDomain
   if (result.request.method == "uio") return result;
   if (domain != DesignDomain::kContinuous) {
     result.request.domain = domain;
-    if (!result.request.poles.empty()) result.request.decay_rate_per_s = -result.request.poles.front().real();
+    if (!result.request.poles.empty())
+      result.request.decay_rate_per_s = -result.request.poles.front().real();
     result.request.poles.clear();
   }
   result.request.threshold_kind = ThresholdBasis::Kind::kCertified;
@@ -57,12 +60,11 @@ int run(std::uint64_t samples) {
   int crossed = 0;
   fmt::print("{:<46} {:>10} {:>9} {:>9} {:>14} {:>12}\n", "bank", "samples", "crossed", "largest",
              "least worst", "samples/s");
-  for (const Subject& one :
-       {subject("hou2015", "bank.toml", DesignDomain::kSampled),
-        subject("hou2015", "bank.toml", DesignDomain::kContinuous),
-        subject("jin", "bank.toml", DesignDomain::kSampled),
-        subject("jin", "bank_weakened.toml", DesignDomain::kSampled),
-        subject("ma2024", "bank.toml", DesignDomain::kSampled)}) {
+  for (const Subject& one : {subject("hou2015", "bank.toml", DesignDomain::kSampled),
+                             subject("hou2015", "bank.toml", DesignDomain::kContinuous),
+                             subject("jin", "bank.toml", DesignDomain::kSampled),
+                             subject("jin", "bank_weakened.toml", DesignDomain::kSampled),
+                             subject("ma2024", "bank.toml", DesignDomain::kSampled)}) {
     Bank bank = design_bank(one.plant, one.request).bank;
     certify(one.plant, bank);
     const auto begin = std::chrono::steady_clock::now();

@@ -59,7 +59,8 @@ ThresholdTrial::ThresholdTrial(const PlantModel& plant, const Bank& bank, std::u
   E_ = system.B.middleCols(plant.m(), d);
   Eo_ = system.B.rightCols(e);
   half_lsb_ = VectorXd::Zero(plant.q());
-  if (bank.thresholds.output_resolution.size() > 0) half_lsb_ = 0.5 * bank.thresholds.output_resolution;
+  if (bank.thresholds.output_resolution.size() > 0)
+    half_lsb_ = 0.5 * bank.thresholds.output_resolution;
   late_ = MatrixXd::Zero(plant.n(), plant.m());
   if (bank.thresholds.jitter_s > 0.0) {
     // The first part of the sample, then what is left of it.
@@ -69,10 +70,11 @@ ThresholdTrial::ThresholdTrial(const PlantModel& plant, const Bank& bank, std::u
   }
   K_ = lqr_gain(A_, B_, MatrixXd::Identity(plant.n(), plant.n()),
                 MatrixXd::Identity(plant.m(), plant.m()));
-  unknown_ = {VectorXd::Zero(d), VectorXd::Zero(std::ssize(plant.noises)), VectorXd::Zero(plant.q()),
-              VectorXd::Zero(plant.m())};
+  unknown_ = {VectorXd::Zero(d), VectorXd::Zero(std::ssize(plant.noises)),
+              VectorXd::Zero(plant.q()), VectorXd::Zero(plant.m())};
   for (std::size_t f = 0; f < bank.filters.size(); ++f) {
-    filter_of_row_.insert(filter_of_row_.end(), static_cast<std::size_t>(bank.filters[f].H.rows()), f);
+    filter_of_row_.insert(filter_of_row_.end(), static_cast<std::size_t>(bank.filters[f].H.rows()),
+                          f);
   }
   x_ = VectorXd::Zero(plant.n());
   u_ = u_before_ = wanted_ = VectorXd::Zero(plant.m());
@@ -110,7 +112,8 @@ void ThresholdTrial::find_responses() {
 }
 
 void ThresholdTrial::begin(Course course) {
-  square_period_ = std::exp(std::uniform_real_distribution<double>(std::log(2.0), std::log(200.0))(draw_));
+  square_period_ =
+      std::exp(std::uniform_real_distribution<double>(std::log(2.0), std::log(200.0))(draw_));
   const double amplitude = course == Course::kWorst ? 0.0 : kReference;
   for (Index i = 0; i < wanted_.size(); ++i) {
     wanted_[i] = amplitude * plant_.input_range[i] * (draw_() % 2 == 0 ? 1.0 : -1.0);
@@ -137,7 +140,11 @@ void ThresholdTrial::choose(Course course, std::size_t k) {
           values[i] = draw_() % 2 == 0 ? 1.0 : -1.0;
           break;
         case Course::kSquare:
-          values[i] = std::fmod(static_cast<double>(k) / square_period_ + 0.37 * static_cast<double>(first + i), 1.0) < 0.5 ? 1.0 : -1.0;
+          values[i] = std::fmod(static_cast<double>(k) / square_period_ +
+                                    0.37 * static_cast<double>(first + i),
+                                1.0) < 0.5
+                          ? 1.0
+                          : -1.0;
           break;
         case Course::kConstant:
           if (k == 0) values[i] = draw_() % 2 == 0 ? 1.0 : -1.0;

@@ -22,8 +22,8 @@ class ThresholdTrial {
 
   struct Result {
     std::uint64_t samples = 0;
-    std::uint64_t crossings = 0;          ///< samples at which some evaluation was above its threshold
-    double largest = 0.0;                 ///< largest evaluation, in thresholds
+    std::uint64_t crossings = 0;  ///< samples at which some evaluation was above its threshold
+    double largest = 0.0;         ///< largest evaluation, in thresholds
     std::vector<double> largest_of_worst;  ///< per filter: under its own worst course
   };
   /// Segments of 400 samples, by turns: noise-like courses, courses at the bounds, square waves,

@@ -59,7 +59,7 @@ TEST(ClosedLoopPoles, CountTheCycleBetweenMeasurementAndAction) {
   // x_k+1 = a x_k + b u_k, u_k+1 = -K x_k: λ² - a λ + b K = 0.
   const double a = 0.9, b = 0.5, K = 0.3;
   const DiscretePlant plant{MatrixXd::Constant(1, 1, a), MatrixXd::Constant(1, 1, b),
-                           MatrixXd::Ones(1, 1), MatrixXd::Zero(1, 1)};
+                            MatrixXd::Ones(1, 1), MatrixXd::Zero(1, 1)};
   const auto poles = closed_loop_poles(plant, static_controller(MatrixXd::Constant(1, 1, -K)));
   ASSERT_EQ(poles.size(), 2U);
   const double root = std::sqrt(a * a / 4.0 - b * K);

@@ -98,7 +98,7 @@ TEST(Pid, MeetsItsReferenceAgainstAConstantDisturbance) {
   // x_k+1 = 0.9 x_k + 0.2 (u_k + d), u delayed by a cycle.
   const PidLaw law = law_of({.K_p = 0.8, .T_i_s = 1.0});
   const DiscretePlant plant{MatrixXd::Constant(1, 1, 0.9), MatrixXd::Constant(1, 1, 0.2),
-                           MatrixXd::Ones(1, 1), MatrixXd::Zero(1, 1)};
+                            MatrixXd::Ones(1, 1), MatrixXd::Zero(1, 1)};
   const double radius = std::abs(closed_loop_poles(plant, linear_form(law)).front());
   ASSERT_LT(radius, 0.95);
   Pid pid(law);

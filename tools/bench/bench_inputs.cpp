@@ -228,10 +228,11 @@ void note_thresholds(BenchInputs& inputs) {
   if (bank.thresholds.kind == Kind::kCalibrated &&
       std::none_of(bank.filters.begin(), bank.filters.end(),
                    [](const ResidualFilter& filter) { return filter.calibration.has_value(); })) {
-    inputs.warnings.push_back(fmt::format(
-        "the thresholds of bank \"{}\" are provisional: faultline calibrate sets them from fault-free "
-        "logs",
-        bank.name));
+    inputs.warnings.push_back(
+        fmt::format("the thresholds of bank \"{}\" are provisional: faultline calibrate sets them "
+                    "from fault-free "
+                    "logs",
+                    bank.name));
   }
   if (bank.thresholds.kind != Kind::kCertified) return;
   for (std::size_t i = 0; i < bank.output_names.size(); ++i) {
@@ -241,10 +242,11 @@ void note_thresholds(BenchInputs& inputs) {
     const double found = inputs.map.output_resolution[i];
     // A signal's factor times its scale is rounded itself.
     if (found > (1.0 + 1e-9) * reckoned) {
-      inputs.warnings.push_back(fmt::format(
-          "{} is rounded to {:g} on the bus, the certified thresholds of bank \"{}\" reckon with {:g}: "
-          "resolution in its [decision]",
-          bank.output_names[i], found, bank.name, reckoned));
+      inputs.warnings.push_back(
+          fmt::format("{} is rounded to {:g} on the bus, the certified thresholds of bank \"{}\" "
+                      "reckon with {:g}: "
+                      "resolution in its [decision]",
+                      bank.output_names[i], found, bank.name, reckoned));
     }
   }
 }

@@ -35,7 +35,8 @@ struct Evaluations {
 Evaluations evaluate(const PlantModel& plant, const Bank& bank,
                      const std::vector<RecordedStretch>& stretches) {
   const std::size_t count = bank.filters.size();
-  Evaluations result{std::vector<std::vector<double>>(count), std::vector<std::vector<double>>(count)};
+  Evaluations result{std::vector<std::vector<double>>(count),
+                     std::vector<std::vector<double>>(count)};
   ResidualBank filters(bank);
   for (const RecordedStretch& stretch : stretches) {
     filters.reset();
@@ -100,8 +101,8 @@ class FilterCalibration {
     refuse_still();
     const std::size_t gap = decorrelation(held_) + bank_.decision.dwell;
     refuse_shifted(gap);
-    const auto fitted_end = static_cast<std::size_t>(
-        (1.0 - options_.held_out) * static_cast<double>(held_.size()));
+    const auto fitted_end =
+        static_cast<std::size_t>((1.0 - options_.held_out) * static_cast<double>(held_.size()));
     const std::span<const double> fitted = held_.first(fitted_end);
     const std::span<const double> rest = held_.subspan(fitted_end);
     const std::optional<TailFit> fit = fit_tail(fitted, gap);
@@ -122,18 +123,18 @@ class FilterCalibration {
     found.false_alarms_per_h = fit->rate(result.threshold) * per_h;
     found.rate_low_per_h = interval.low * per_h;
     found.rate_high_per_h = interval.high * per_h;
-    const auto rest_samples = static_cast<double>(std::count_if(
-        rest.begin(), rest.end(), [](double x) { return !std::isnan(x); }));
+    const auto rest_samples = static_cast<double>(
+        std::count_if(rest.begin(), rest.end(), [](double x) { return !std::isnan(x); }));
     if (rest_samples == 0.0) {
-      refuse("the record's end, which is held out, has no sample that says anything; expected longer "
-             "stretches without bad samples");
+      refuse(
+          "the record's end, which is held out, has no sample that says anything; expected longer "
+          "stretches without bad samples");
     }
     found.held_out_hours = rest_samples / per_h;
     found.held_out_expected = static_cast<double>(fit->clusters) / fit->samples * rest_samples;
-    found.held_out_found =
-        static_cast<std::uint32_t>(cluster_peaks(rest, fit->level, gap).size());
-    result.probability = same_rate_probability(found.held_out_found, rest_samples, fit->clusters,
-                                               fit->samples);
+    found.held_out_found = static_cast<std::uint32_t>(cluster_peaks(rest, fit->level, gap).size());
+    result.probability =
+        same_rate_probability(found.held_out_found, rest_samples, fit->clusters, fit->samples);
     return result;
   }
 
@@ -150,13 +151,14 @@ class FilterCalibration {
       if (std::isnan(first)) first = value;
       if (value != first) return;
     }
-    refuse(std::isnan(first)
-               ? fmt::format("no sample of the record says anything of it: it forgets a start for {} "
-                             "samples; expected longer stretches without bad samples",
-                             filter_.forget_samples)
-               : fmt::format("found a residual that is {:g} in every sample; expected a record with "
-                             "the noise of the real thing",
-                             first));
+    refuse(
+        std::isnan(first)
+            ? fmt::format("no sample of the record says anything of it: it forgets a start for {} "
+                          "samples; expected longer stretches without bad samples",
+                          filter_.forget_samples)
+            : fmt::format("found a residual that is {:g} in every sample; expected a record with "
+                          "the noise of the real thing",
+                          first));
   }
 
   // A stretch of the record in which it stands elsewhere.
@@ -207,28 +209,31 @@ class FilterCalibration {
         std::count_if(fitted.begin(), fitted.end(), [](double x) { return !std::isnan(x); }));
     const double hours = samples * bank_.sample_time_s / kSecondsPerHour;
     if (!fit) {
-      const double needed = 40.0 * kFewestClusters * static_cast<double>(gap) *
-                            bank_.sample_time_s / kSecondsPerHour;
-      refuse(fmt::format("{:.3g} h are fitted, whose samples depend on each other for {} samples: too "
-                         "few peaks; expected at least {:.3g} h of record (with what is held out)",
-                         hours, gap, needed / (1.0 - options_.held_out)));
+      const double needed =
+          40.0 * kFewestClusters * static_cast<double>(gap) * bank_.sample_time_s / kSecondsPerHour;
+      refuse(
+          fmt::format("{:.3g} h are fitted, whose samples depend on each other for {} samples: too "
+                      "few peaks; expected at least {:.3g} h of record (with what is held out)",
+                      hours, gap, needed / (1.0 - options_.held_out)));
     }
     if (share_per_h * hours * kFurthest < 1.0) {
       const double needed = 1.0 / (share_per_h * kFurthest) / (1.0 - options_.held_out);
-      const double carried =
-          static_cast<double>(bank_.filters.size()) / (hours * kFurthest);
-      refuse(fmt::format(
-          "{:.3g} h are fitted: they carry {:.2g} false alarms an hour for the whole bank, found {:.2g} "
-          "asked for; expected at least {:.3g} h of record, or a larger rate",
-          hours, carried, options_.false_alarms_per_h, needed));
+      const double carried = static_cast<double>(bank_.filters.size()) / (hours * kFurthest);
+      refuse(
+          fmt::format("{:.3g} h are fitted: they carry {:.2g} false alarms an hour for the whole "
+                      "bank, found {:.2g} "
+                      "asked for; expected at least {:.3g} h of record, or a larger rate",
+                      hours, carried, options_.false_alarms_per_h, needed));
     }
     const double most = static_cast<double>(fit->clusters) / fit->samples;
     if (share_per_h * bank_.sample_time_s / kSecondsPerHour > most) {
-      refuse(fmt::format(
-          "found a rate of {:.3g} an hour asked for the whole bank, expected at most {:.3g}: more often "
-          "than the tail of the record there is no threshold worth the name",
-          options_.false_alarms_per_h,
-          most * kSecondsPerHour / bank_.sample_time_s * static_cast<double>(bank_.filters.size())));
+      refuse(
+          fmt::format("found a rate of {:.3g} an hour asked for the whole bank, expected at most "
+                      "{:.3g}: more often "
+                      "than the tail of the record there is no threshold worth the name",
+                      options_.false_alarms_per_h,
+                      most * kSecondsPerHour / bank_.sample_time_s *
+                          static_cast<double>(bank_.filters.size())));
     }
   }
 
@@ -243,10 +248,11 @@ void refuse_proved(const Bank& bank) {
                          std::any_of(bank.filters.begin(), bank.filters.end(),
                                      [](const ResidualFilter& filter) { return filter.course; });
   if (is_proved) {
-    throw std::invalid_argument(fmt::format(
-        "bank \"{}\" has thresholds that are proved from bounds and need no record; expected one with "
-        "threshold = \"calibrated\", or a number, in [decision]",
-        bank.name));
+    throw std::invalid_argument(
+        fmt::format("bank \"{}\" has thresholds that are proved from bounds and need no record; "
+                    "expected one with "
+                    "threshold = \"calibrated\", or a number, in [decision]",
+                    bank.name));
   }
   if (bank.filters.empty()) throw std::invalid_argument("the bank has no residual");
 }
@@ -268,7 +274,8 @@ void calibrate(const PlantModel& plant, const std::vector<RecordedStretch>& stre
     if (results[f].probability * static_cast<double>(bank.filters.size()) < kUnlikely) {
       throw std::invalid_argument(fmt::format(
           "{}: found {} peaks above {:.4g} in the part of the record that was held out ({:.3g} h), "
-          "expected {:.1f} as in the part before: the record changes in time; expected a longer one, "
+          "expected {:.1f} as in the part before: the record changes in time; expected a longer "
+          "one, "
           "or one in which nothing changes but the noise",
           bank.filters[f].name, found.held_out_found, found.level, found.held_out_hours,
           found.held_out_expected));

@@ -26,7 +26,8 @@ struct CalibrationOptions {
 /// - thresholds that are proved (certified, method "uio"): they need no record;
 /// - a residual that does not move: no noise, no tail;
 /// - a record in which a residual stands elsewhere for a while: a fault that was given as none;
-/// - too few independent peaks; or a rate so small that the record would be extrapolated more than a
+/// - too few independent peaks; or a rate so small that the record would be extrapolated more than
+/// a
 ///   hundredfold: with the hours that it takes, and the rate that these hours carry;
 /// - a held-out part that peaks more or less often than the fitted one (probability below 0.1 %,
 ///   all residuals together).

@@ -131,7 +131,8 @@ RateInterval interval_of(const TailFit& fit, double threshold) {
       const double scale = std::exp(range.low + (range.high - range.low) * j / (kScales - 1));
       const double survival = log_survival(above, scale, shape);
       const double likelihood = log_likelihood(fit.excess, scale, shape);
-      if (std::isfinite(likelihood) && std::isfinite(survival)) points.push_back({likelihood, survival});
+      if (std::isfinite(likelihood) && std::isfinite(survival))
+        points.push_back({likelihood, survival});
     }
   }
   const auto n = static_cast<double>(fit.clusters);
@@ -144,8 +145,8 @@ RateInterval interval_of(const TailFit& fit, double threshold) {
     return best;
   };
   // The largest there is, by the fit itself.
-  const double peak = log_likelihood(fit.excess, fit.scale, fit.shape) +
-                      n * std::log(n / fit.samples) - n;
+  const double peak =
+      log_likelihood(fit.excess, fit.scale, fit.shape) + n * std::log(n / fit.samples) - n;
   const double estimate = std::log(fit.rate(threshold));
   const auto end = [&](double direction) {
     double inside = 0.0, outside = 1.0;
@@ -171,8 +172,8 @@ double TailFit::rate(double threshold) const {
 
 double TailFit::threshold(double wanted) const {
   const double depth = std::max(std::log(static_cast<double>(clusters) / samples / wanted), 0.0);
-  return level + (std::abs(shape) < kNoShape ? scale * depth
-                                             : scale / shape * std::expm1(shape * depth));
+  return level +
+         (std::abs(shape) < kNoShape ? scale * depth : scale / shape * std::expm1(shape * depth));
 }
 
 std::vector<double> cluster_peaks(std::span<const double> series, double level, std::size_t gap) {
@@ -215,8 +216,7 @@ std::optional<TailFit> fit_tail(std::span<const double> series, std::size_t gap,
     if (!std::isnan(value)) sorted.push_back(value);
   }
   const double independent = static_cast<double>(sorted.size()) / static_cast<double>(gap);
-  const auto wanted =
-      std::min(clusters, static_cast<std::size_t>(independent / kSamplesPerPeak));
+  const auto wanted = std::min(clusters, static_cast<std::size_t>(independent / kSamplesPerPeak));
   if (wanted < kFewestClusters) return std::nullopt;
   std::sort(sorted.begin(), sorted.end());
   // Fewer samples above the level make fewer clusters, nearly always: bisect, then take what is.
@@ -254,7 +254,8 @@ double same_rate_probability(std::size_t count, double samples, std::size_t othe
                              double other_samples) {
   const auto total = static_cast<double>(count + other);
   if (total == 0.0) return 1.0;
-  const boost::math::binomial_distribution<double> split(total, samples / (samples + other_samples));
+  const boost::math::binomial_distribution<double> split(total,
+                                                         samples / (samples + other_samples));
   const auto k = static_cast<double>(count);
   const double below = boost::math::cdf(split, k);
   const double above = k == 0.0 ? 1.0 : boost::math::cdf(boost::math::complement(split, k - 1.0));

@@ -15,12 +15,12 @@ namespace faultline {
 /// Pickands, Ann. Statist. 3 (1975) 119-131; Coles, An Introduction to Statistical Modeling of
 /// Extreme Values, 2001, ch. 4 and 5.
 struct TailFit {
-  double level = 0.0;           ///< u
-  double scale = 0.0;           ///< σ
-  double shape = 0.0;           ///< ξ
-  std::size_t clusters = 0;     ///< n
-  double samples = 0.0;         ///< of the record
-  std::vector<double> excess;   ///< n peaks above u
+  double level = 0.0;          ///< u
+  double scale = 0.0;          ///< σ
+  double shape = 0.0;          ///< ξ
+  std::size_t clusters = 0;    ///< n
+  double samples = 0.0;        ///< of the record
+  std::vector<double> excess;  ///< n peaks above u
 
   /// Expected clusters per sample whose peak is above `threshold` >= u.
   [[nodiscard]] double rate(double threshold) const;
@@ -34,8 +34,8 @@ struct TailFit {
                                                 std::size_t gap);
 
 /// The number of samples after which values of the series say nothing of each other: the first lag
-/// at which their correlation is below 0.05, at most a hundredth of the series; the median of eleven
-/// parts, so that something that happened in few of them does not count. A NaN is left out.
+/// at which their correlation is below 0.05, at most a hundredth of the series; the median of
+/// eleven parts, so that something that happened in few of them does not count. A NaN is left out.
 [[nodiscard]] std::size_t decorrelation(std::span<const double> series);
 
 /// Maximum likelihood of σ and ξ (-0.5 <= ξ <= 0.5) above the level that leaves `clusters` of them,

@@ -391,7 +391,8 @@ class Outline {
  public:
   explicit Outline(bool has_groups) : tag_(has_groups ? "h3" : "h2") {}
   [[nodiscard]] std::string section(const std::string& title, const std::string& body) const {
-    return body.empty() ? "" : fmt::format("<section><{0}>{1}</{0}>{2}</section>\n", tag_, title, body);
+    return body.empty() ? ""
+                        : fmt::format("<section><{0}>{1}</{0}>{2}</section>\n", tag_, title, body);
   }
 
  private:
@@ -406,11 +407,11 @@ std::string group_text(const Group& group, const Outline& outline) {
   }
   std::string faults;
   for (std::size_t i = 0; i < cards.size(); ++i) faults += fault_table(cards[i], names[i]);
+  text += outline.section("Faults",
+                          faults + "<div class=\"grid\">" + fault_charts(cards, names) + "</div>");
   text += outline.section(
-      "Faults", faults + "<div class=\"grid\">" + fault_charts(cards, names) + "</div>");
-  text += outline.section("Delays and false alarms", "<div class=\"grid\">" +
-                                                         delay_chart(cards, names) +
-                                                         roc_chart(cards, names) + "</div>");
+      "Delays and false alarms",
+      "<div class=\"grid\">" + delay_chart(cards, names) + roc_chart(cards, names) + "</div>");
   std::string confusion;
   for (std::size_t i = 0; i < cards.size(); ++i) confusion += confusion_table(cards[i], names[i]);
   text += outline.section("Confusion", confusion);

@@ -179,6 +179,41 @@ TEST(BankFile, LocatesSemanticErrors) {
   EXPECT_EQ(refusal("17"), "b.json:1:1: found number 17, expected an object");
 }
 
+TEST(BankFile, RefusesThresholdsThatCannotBe) {
+  const auto beside = [](const std::string& member) {
+    return refusal(with("\"certificate\": {", member + ", \"certificate\": {"));
+  };
+  const std::string test =
+      R"("test": {"kind": "cusum", "reference": 0.25, "window": 0, "offset": [0.0]})";
+  EXPECT_EQ(beside(test), "");
+  const auto other = [&](const std::string& from, const std::string& to) {
+    std::string changed = test;
+    return beside(changed.replace(changed.find(from), from.size(), to));
+  };
+  EXPECT_THAT(other("cusum", "sum"), HasSubstr("filters[0].test.kind: found \"sum\", expected"));
+  EXPECT_THAT(other("0.25", "0"),
+              HasSubstr("filters[0].test.reference: found 0, expected a positive"));
+  EXPECT_THAT(other("0.25", "-1"), HasSubstr("filters[0].test.reference: found -1"));
+  EXPECT_THAT(other("[0.0]", "[]"), HasSubstr("filters[0].test.offset: found"));
+  EXPECT_THAT(other("[0.0]", "[-0.1]"), HasSubstr("filters[0].test.offset[0]: found -0.1"));
+  EXPECT_THAT(other("cusum", "glr"), HasSubstr("filters[0].test.window: found 0"));
+  EXPECT_THAT(other("cusum\", \"reference\": 0.25, \"window\": 0",
+                    "glr\", \"reference\": 0, \"window\": 4000000000"),
+              HasSubstr("filters[0].test.window: found"));
+  EXPECT_THAT(beside(R"("shares": {"disturbance": [0]})"), HasSubstr("filters[0].shares"));
+  EXPECT_THAT(beside(R"("calibration": {"hours": 0})"), HasSubstr("filters[0].calibration"));
+  EXPECT_THAT(
+      refusal(with(
+          "\"isolability\"",
+          R"("thresholds": {"kind": "guessed", "output_resolution": [], "jitter_s": 0, "false_alarms_per_h": 0}, "isolability")")),
+      HasSubstr("thresholds.kind: found \"guessed\""));
+  EXPECT_THAT(
+      refusal(with(
+          "\"isolability\"",
+          R"("thresholds": {"kind": "given", "output_resolution": [1], "jitter_s": 0, "false_alarms_per_h": 0}, "isolability")")),
+      HasSubstr("thresholds.output_resolution: found"));
+}
+
 TEST(BankFile, RefusesContradictions) {
   EXPECT_THAT(refusal(with("\"none\", \"none\", \"steady\"", "\"steady\", \"none\", \"steady\"")),
               HasSubstr("filters[0].sees[0]: found string \"steady\", expected \"none\" for an "

@@ -1,14 +1,13 @@
-#include "diagnosis/certify/certify.h"
-
 #include <cmath>
-#include <random>
 #include <ostream>
+#include <random>
 #include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "diagnosis/bank/bank_file.h"
+#include "diagnosis/certify/certify.h"
 #include "diagnosis/certify/check.h"
 #include "diagnosis/design/design_bank.h"
 #include "diagnosis/model/plant_file.h"
@@ -48,7 +47,8 @@ method = "geometric"
 concurrent    = 2
 decay_rate_per_s = 10.0
 sample_time_s = 0.01
-domain = ")" + domain + "\"\n" + more + "[decision]\n" + decision;
+domain = ")" +
+         domain + "\"\n" + more + "[decision]\n" + decision;
 }
 
 Bank certified(const PlantModel& plant, const std::string& request) {
@@ -107,13 +107,12 @@ bound = 0.5
 )";
 INSTANTIATE_TEST_SUITE_P(
     Banks, CertifiedThresholdTrial,
-    testing::Values(
-        TrialCase{"noise", "sampled", kCertified, "", "", 0.999},
-        TrialCase{"rounding", "sampled", kCertified + "resolution = {y1 = 0.01, y3 = 0.02}\n", "", "",
-                  0.999},
-        TrialCase{"disturbance", "sampled", kCertified, kDisturbance, "", 0.999},
-        TrialCase{"jitter", "sampled", kCertified + "jitter_s = 0.002\n", "", "", 0.0},
-        TrialCase{"continuous", "continuous", kCertified, "", "", 0.0}),
+    testing::Values(TrialCase{"noise", "sampled", kCertified, "", "", 0.999},
+                    TrialCase{"rounding", "sampled",
+                              kCertified + "resolution = {y1 = 0.01, y3 = 0.02}\n", "", "", 0.999},
+                    TrialCase{"disturbance", "sampled", kCertified, kDisturbance, "", 0.999},
+                    TrialCase{"jitter", "sampled", kCertified + "jitter_s = 0.002\n", "", "", 0.0},
+                    TrialCase{"continuous", "continuous", kCertified, "", "", 0.0}),
     [](const auto& param) { return param.param.name; });
 
 TEST(CertifiedThreshold, OfALateCommandIsWhatItDoes) {
@@ -230,9 +229,10 @@ TEST(CertifiedThreshold, SaysWhatIsMissing) {
   const PlantModel plant = parse_plant(plant_text(), "plant.toml");
   EXPECT_THAT(refusal(parse_plant(plant_text("", false), "p"), request_text("sampled", kCertified)),
               HasSubstr("expected range in [states]"));
-  EXPECT_THAT(refusal(parse_plant(plant_text("[[noise]]\noutput = [0, 0, 1]\nsigma = 0.1\n"), "p"),
-                      request_text("sampled", kCertified)),
-              HasSubstr("noise3 has no bound; expected bound in its [[noise]], or false_alarms_per_h"));
+  EXPECT_THAT(
+      refusal(parse_plant(plant_text("[[noise]]\noutput = [0, 0, 1]\nsigma = 0.1\n"), "p"),
+              request_text("sampled", kCertified)),
+      HasSubstr("noise3 has no bound; expected bound in its [[noise]], or false_alarms_per_h"));
   EXPECT_THAT(
       refusal(parse_plant(plant_text("[[disturbance]]\nname = \"d\"\nstate = [1, 0, 0]\n"), "p"),
               request_text("sampled", kCertified)),
@@ -257,10 +257,10 @@ TEST(CertifiedThreshold, SaysWhatIsMissing) {
   while (quiet.find("sigma") != std::string::npos) {
     quiet.erase(quiet.find("sigma"), quiet.find('\n', quiet.find("sigma")) - quiet.find("sigma"));
   }
-  EXPECT_THAT(refusal(parse_plant(quiet, "p"),
-                      request_text("sampled", kCertified +
-                                                  "false_alarms_per_h = 0.1\ntest = \"glr\"\n")),
-              HasSubstr("expected sigma in [[noise]]"));
+  EXPECT_THAT(
+      refusal(parse_plant(quiet, "p"),
+              request_text("sampled", kCertified + "false_alarms_per_h = 0.1\ntest = \"glr\"\n")),
+      HasSubstr("expected sigma in [[noise]]"));
 }
 
 // Noise by its sigma: as many alarms as asked for.

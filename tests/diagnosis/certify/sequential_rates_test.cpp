@@ -7,6 +7,7 @@
 
 #include "diagnosis/bank/bank.h"
 #include "diagnosis/runtime/residual_bank.h"
+#include "tests/support/allocation_guard.h"
 #include "tests/support/random_seed.h"
 
 namespace faultline {
@@ -148,6 +149,23 @@ TEST(SequentialTest, BeginsAnewWhereItIsContaminated) {
     filters.reset();
     filters.step({&y, 1}, {});
     EXPECT_DOUBLE_EQ(filters.evaluation()[0], kind == TestKind::kCusum ? 2.5 : 4.5);
+  }
+}
+
+TEST(SequentialTest, StepsWithoutAllocation) {
+  for (const TestKind kind : {TestKind::kCusum, TestKind::kGlr}) {
+    const Bank bank = white_bank({kind, 0.5, kind == TestKind::kGlr ? 200u : 0u, {0.0}}, 6.0);
+    ResidualBank filters(bank);
+    const std::uint8_t contaminated = 1;
+    const AllocationGuard guard;
+    for (int k = 0; k < 1000; ++k) {
+      const double y = 0.01 * (k % 7);
+      filters.step({&y, 1}, {});
+      if (k % 300 == 299) filters.restart_tests({&contaminated, 1});
+    }
+    filters.reset();
+    const std::uint64_t heap_calls = guard.heap_calls();
+    EXPECT_EQ(heap_calls, 0u);
   }
 }
 

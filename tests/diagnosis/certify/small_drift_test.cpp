@@ -134,10 +134,11 @@ TEST(SequentialTest, FindsADriftOfATenthOfWhatTheComparisonFinds) {
       EXPECT_EQ(found, kRuns) << test << ' ' << plant.faults[fault].name;
       EXPECT_EQ(found_by_plain, 0) << plant.faults[fault].name;
       EXPECT_EQ(wrong, 0) << test << ' ' << plant.faults[fault].name;
-      fmt::print("{} {}: a drift to {:.3g}, where the comparison takes {:.3g}: isolated in {} of {} "
-                 "runs, {:.1f} s after it began at the latest\n",
-                 test, plant.faults[fault].name, 0.1 * smallest, smallest, found, kRuns,
-                 slowest * kSampleTime_s);
+      fmt::print(
+          "{} {}: a drift to {:.3g}, where the comparison takes {:.3g}: isolated in {} of {} "
+          "runs, {:.1f} s after it began at the latest\n",
+          test, plant.faults[fault].name, 0.1 * smallest, smallest, found, kRuns,
+          slowest * kSampleTime_s);
     }
   }
 }

@@ -74,9 +74,10 @@ TEST(BankRequest, RefusesWhatThisVersionCannotDoAndSaysWhatItCan) {
   EXPECT_EQ(refusal(with("\"geometric\"", "\"parity\"")),
             "bank.toml:4:10: method: found \"parity\", expected one of \"geometric\", "
             "\"eigenstructure\", \"uio\"");
-  EXPECT_EQ(refusal(with("threshold = 0.05", "threshold = \"quadratic\"")),
-            "bank.toml:10:13: decision.threshold: found \"quadratic\", expected one of \"certified\", "
-            "\"calibrated\"");
+  EXPECT_EQ(
+      refusal(with("threshold = 0.05", "threshold = \"quadratic\"")),
+      "bank.toml:10:13: decision.threshold: found \"quadratic\", expected one of \"certified\", "
+      "\"calibrated\"");
   EXPECT_THAT(refusal(hou_request_text(true, 3) + "[uio]\n"),
               StartsWith("bank.toml:12:2: found unknown key \"uio\""));
 }

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <random>
 #include <ostream>
+#include <random>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -89,10 +89,10 @@ TEST(SameRateProbability, IsThatOfTheBinomial) {
 // off where it has been exceeded often enough.
 struct NoiseCase {
   std::string name;
-  double phi;              // of the autoregression
-  double tail;             // degrees of freedom of Student's t; 0: Gaussian
+  double phi;   // of the autoregression
+  double tail;  // degrees of freedom of Student's t; 0: Gaussian
   std::size_t samples;
-  double alarms;           // expected in the record, at the threshold that is asked for
+  double alarms;  // expected in the record, at the threshold that is asked for
 };
 
 void PrintTo(const NoiseCase& one, std::ostream* out) { *out << one.name; }
@@ -110,7 +110,8 @@ TEST_P(Coverage, HoldsTheTrueRate) {
   double x = 0.0;
   const auto next = [&] { return std::abs(x = one.phi * x + noise()); };
   // Peaks of one long record above every level, once: the truth for every threshold.
-  const std::size_t gap = one.phi == 0.0 ? 1 : static_cast<std::size_t>(std::ceil(std::log(0.05) / std::log(one.phi)));
+  const std::size_t gap =
+      one.phi == 0.0 ? 1 : static_cast<std::size_t>(std::ceil(std::log(0.05) / std::log(one.phi)));
   constexpr std::size_t kTruth = 60'000'000;
   std::vector<double> truth;
   double lowest = 0.0;
