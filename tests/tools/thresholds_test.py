@@ -23,6 +23,15 @@ class Thresholds(FolderTest):
         said = self.run_ok("run", "t/drift.toml", "t/drift_unseen.toml", "--no-log").out
         self.assertIn("2 scenarios: 2 met", said)
 
+    def test_a_run_with_tests_is_reproduced_and_reported(self):
+        self.run_ok("run", "t/drift.toml", "--log", "drift.lcm", "--report", "drift.html")
+        self.assertIn("VERIFIED: reproduced to the bit", self.run_ok("replay", "drift.lcm", "--verify").out)
+        page = self.folder.read("drift.html").decode()
+        self.assertIn("evaluated by a CUSUM test", page)
+        self.assertIn("0.01 false alarms an hour by noise", page)
+        # What is shown beside the threshold is the statistic, not the residual.
+        self.assertNotIn("Largest |r|", page)
+
     def test_a_certified_bank_says_what_its_thresholds_are_made_of(self):
         said = self.run_ok("design", "t/comparison.toml", "-o", "c.bank.json").out
         self.assertIn("certified thresholds: what a row can be without a fault", said)

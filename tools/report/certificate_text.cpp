@@ -22,6 +22,31 @@ std::string size_text(const Bank& bank, const ResidualFilter& filter, std::size_
   return text + (is_transient ? " (only while it changes)" : "");
 }
 
+// Where its threshold comes from; empty: a number that was given.
+std::string threshold_text(const Bank& bank, const ResidualFilter& filter) {
+  std::string text;
+  if (filter.test) {
+    const bool is_cusum = filter.test->kind == TestKind::kCusum;
+    text += fmt::format(" It is white, and evaluated by a {} test (h = {:.3g}).",
+                        is_cusum ? "CUSUM" : "GLR", filter.threshold);
+  }
+  if (filter.calibration) {
+    const Calibration& c = *filter.calibration;
+    text += fmt::format(
+        " Its threshold is calibrated from {:.3g} h without a fault: {:.2g} false alarms an hour, "
+        "with 95 % confidence {:.2g} to {:.2g}.",
+        c.hours, c.false_alarms_per_h, c.rate_low_per_h, c.rate_high_per_h);
+  } else if (filter.shares && bank.thresholds.false_alarms_per_h > 0.0) {
+    text += fmt::format(
+        " Its threshold is certified: {:.2g} false alarms an hour by noise in all residuals "
+        "together, none by what is bounded.",
+        bank.thresholds.false_alarms_per_h);
+  } else if (filter.shares) {
+    text += " Its threshold is certified: nothing within the plant file's bounds crosses it.";
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string names_in_words(const std::vector<std::string>& names) {
@@ -60,7 +85,7 @@ std::string certificate_text(const Bank& bank, const ResidualFilter& filter) {
     text += fmt::format(" Disturbance {} {} {:.0e}.", disturbance.name, how,
                         certificate.disturbance_gain[i]);
   }
-  return text +
+  return text + threshold_text(bank, filter) +
          fmt::format(" Spectral radius {:.4f}; the same ranks for tolerances {:.0e} to {:.0e}.",
                      certificate.spectral_radius, certificate.rank.tolerance_min,
                      certificate.rank.tolerance_max);

@@ -184,7 +184,7 @@ void RecordReader::take_residual(const residual_t& residual) {
                             bank->residual_rows() == residual.row_count;
     const bool has_one_row_each = residual.row_count == residual.filter_count;
     for (std::size_t i = 0; i < filters; ++i) {
-      const bool is_norm = is_of_bank && !bank->filters[i].course &&
+      const bool is_norm = is_of_bank && !bank->filters[i].course && !bank->filters[i].test &&
                            bank->filters[i].evaluation == Evaluation::kNorm;
       record_.residuals.push_back({is_of_bank ? bank->filters[i].name : fmt::format("r{}", i + 1),
                                    EnvelopeSeries(record_.cycles->from),

@@ -190,13 +190,13 @@ TEST(BankFile, RefusesThresholdsThatCannotBe) {
     std::string changed = test;
     return beside(changed.replace(changed.find(from), from.size(), to));
   };
-  EXPECT_THAT(other("cusum", "sum"), HasSubstr("filters[0].test.kind: found \"sum\", expected"));
+  EXPECT_THAT(other("cusum", "sum"), HasSubstr("filters[0].test.kind: found string \"sum\", expected"));
   EXPECT_THAT(other("0.25", "0"),
-              HasSubstr("filters[0].test.reference: found 0, expected a positive"));
-  EXPECT_THAT(other("0.25", "-1"), HasSubstr("filters[0].test.reference: found -1"));
+              HasSubstr("filters[0].test.reference: found number 0, expected a positive"));
+  EXPECT_THAT(other("0.25", "-1"), HasSubstr("filters[0].test.reference: found number -1"));
   EXPECT_THAT(other("[0.0]", "[]"), HasSubstr("filters[0].test.offset: found"));
-  EXPECT_THAT(other("[0.0]", "[-0.1]"), HasSubstr("filters[0].test.offset[0]: found -0.1"));
-  EXPECT_THAT(other("cusum", "glr"), HasSubstr("filters[0].test.window: found 0"));
+  EXPECT_THAT(other("[0.0]", "[-0.1]"), HasSubstr("filters[0].test.offset[0]: found number -0.1"));
+  EXPECT_THAT(other("cusum", "glr"), HasSubstr("filters[0].test.window: found number 0"));
   EXPECT_THAT(other("cusum\", \"reference\": 0.25, \"window\": 0",
                     "glr\", \"reference\": 0, \"window\": 4000000000"),
               HasSubstr("filters[0].test.window: found"));
@@ -206,7 +206,7 @@ TEST(BankFile, RefusesThresholdsThatCannotBe) {
       refusal(with(
           "\"isolability\"",
           R"("thresholds": {"kind": "guessed", "output_resolution": [], "jitter_s": 0, "false_alarms_per_h": 0}, "isolability")")),
-      HasSubstr("thresholds.kind: found \"guessed\""));
+      HasSubstr("thresholds.kind: found string \"guessed\""));
   EXPECT_THAT(
       refusal(with(
           "\"isolability\"",

@@ -42,7 +42,7 @@ TEST(Decorrelation, IsThatOfAnAutoregression) {
   }
 }
 
-// scipy.stats.genpareto (1.10) fits of the quantiles of a generalised Pareto distribution.
+// Peaks that are the quantiles of a generalised Pareto distribution.
 TEST(FitTail, FindsTheTailItWasMadeOf) {
   for (const double shape : {-0.3, 0.0, 0.2}) {
     // 40,000 samples of which one in 100 is a peak; the rest is zero.
