@@ -50,6 +50,24 @@ class Thresholds(FolderTest):
         self.assert_code(0, answer)
         self.assertIn("y2 is rounded to 0.0001 on the bus", answer.out + answer.err)
 
+    def test_rounding_counts_for_observers_too(self):
+        shutil.copy(f"{ROOT}/examples/ma2024/plant.toml", self.folder.file("plant.toml"))
+        text = open(f"{ROOT}/examples/ma2024/bank.toml", encoding="utf-8").read()
+        self.folder.write("bank.toml", text.replace("[decision]\n", "[decision]\nresolution = { y1 = 0.01, y2 = 0.01 }\n"))
+        self.run_ok("design", "bank.toml", "-o", "o.bank.json")
+        self.assertIn("every claim holds", self.run_ok("check", "o.bank.json", "--plant", "plant.toml").out)
+        # The claims are those of rounded outputs: with finer ones they are not true.
+        bank = self.folder.read("o.bank.json").decode()
+        self.folder.write("finer.bank.json", bank.replace('"output_resolution": [0.01,', '"output_resolution": [0.001,'))
+        answer = self.folder.run("check", "finer.bank.json", "--plant", "plant.toml")
+        self.assert_code(1, answer)
+        self.assertIn("componentwise threshold", answer.out + answer.err)
+        for key in ("jitter_s = 0.001", "false_alarms_per_h = 1"):
+            self.folder.write("bank.toml", text.replace("[decision]\n", f"[decision]\n{key}\n"))
+            answer = self.folder.run("design", "bank.toml", "-o", "x.bank.json")
+            self.assert_code(2, answer)
+            self.assertIn("method \"uio\" takes bounds", answer.err)
+
     def test_calibrated_thresholds(self):
         said = self.run_ok("design", "t/calibrated.toml", "-o", "p.bank.json").out
         self.assertIn("NOT CALIBRATED", said)
