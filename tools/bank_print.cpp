@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "tools/bench/run_history.h"
 #include "tools/observer_print.h"
 #include "tools/threshold_print.h"
 
@@ -147,6 +148,7 @@ std::string join_names(const std::vector<std::string>& names,
 
 FaultReach fault_reach(const Bank& bank, std::size_t fault) {
   FaultReach reach;
+  const bool is_told_apart = has_own_signature(bank, fault);
   const double settled_s = (bank.decision.settle - 1) * bank.sample_time_s;
   Sensitivity detected_by = Sensitivity::kNone;
   for (const ResidualFilter& filter : bank.filters) {
@@ -161,7 +163,7 @@ FaultReach fault_reach(const Bank& bank, std::size_t fault) {
       reach.detected_from = size;
       reach.detection_delay_s = delay_s;
     }
-    if (sensitivity == Sensitivity::kSteady) {
+    if (sensitivity == Sensitivity::kSteady && is_told_apart) {
       reach.isolated_from = std::max(reach.isolated_from, size);
       reach.isolation_delay_s = std::max(reach.isolation_delay_s, delay_s);
     }

@@ -25,7 +25,8 @@ void print_isolability(std::FILE* out, const Bank& bank);
 /// What the bank can do with one fault.
 struct FaultReach {
   double detected_from = 0.0;      ///< smallest constant size that fires a residual; 0: none does
-  double isolated_from = 0.0;      ///< that fires every residual that sees it at DC; 0: none does
+  double isolated_from = 0.0;      ///< that fires every residual that sees it at DC; 0: none does,
+                                   ///< or another fault has the same signature
   double detection_delay_s = 0.0;  ///< until the first verdict, at twice that size
   double isolation_delay_s = 0.0;  ///< until the verdict that names it, at twice that size
   std::vector<std::string> transient_only;  ///< residuals that see it only while it changes

@@ -47,6 +47,10 @@ double response_tolerance(const PlantModel& plant, const Bank& bank) {
   return std::clamp(A.norm() * bank.sample_time_s, kExactResponse, kLeastResponse);
 }
 
+std::size_t sample_count(double samples) {
+  return static_cast<std::size_t>(std::ceil(std::min(samples, static_cast<double>(kMostSamples))));
+}
+
 // Samples in which a sequential test adds up to its threshold what a fault of twice the smallest
 // leaves above it, without noise.
 std::size_t samples_to_add_up(const ResidualFilter& filter) {
@@ -55,10 +59,10 @@ std::size_t samples_to_add_up(const ResidualFilter& filter) {
   const double h = filter.threshold;
   const double offset = *std::min_element(test.offset.begin(), test.offset.end());
   if (test.kind == TestKind::kCusum) {
-    return static_cast<std::size_t>(std::ceil(h / (test.reference + offset)));
+    return sample_count(h / (test.reference + offset));
   }
   const double above = 2.0 * std::sqrt(2.0 * h / test.window) + offset;
-  return static_cast<std::size_t>(std::ceil(2.0 * h / (above * above)));
+  return sample_count(2.0 * h / (above * above));
 }
 
 // Norms of a step response per unit of one fault, as they come.

@@ -32,6 +32,8 @@ constexpr double kRounding = 1e-10;
 // Terms of a late command's effect, by powers of the delay.
 constexpr int kMostTerms = 12;
 constexpr double kSecondsPerHour = 3600.0;
+// Per sample; more have no meaning.
+constexpr double kMostAlarms = 0.1;
 // A residual is white if its covariance and the sum of its autocovariances are off by no more.
 constexpr double kWhite = 1e-3;
 constexpr std::size_t kMostLags = 10'000;
@@ -81,8 +83,9 @@ class Proof {
   static std::vector<double> list(const VectorXd& values) { return {values.begin(), values.end()}; }
 
   [[nodiscard]] double rate_per_sample() const {
-    return bank_.thresholds.false_alarms_per_h * bank_.sample_time_s / kSecondsPerHour /
-           static_cast<double>(bank_.filters.size());
+    const double rate = bank_.thresholds.false_alarms_per_h * bank_.sample_time_s /
+                        kSecondsPerHour / static_cast<double>(bank_.filters.size());
+    return std::min(rate, kMostAlarms);
   }
 
   [[nodiscard]] bool is_gaussian(const Noise& noise) const {

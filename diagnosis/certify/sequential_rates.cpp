@@ -13,6 +13,13 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+constexpr double kLeastThreshold = 1e-3;
+// Of a random walk over a level, both sides together.
+constexpr double kOvershoot = 1.166;
+// Beyond it the equations take too many nodes; the references that lead there are so small that
+// Siegmund's approximation is right to 1 % of the run length.
+constexpr double kLongThreshold = 80.0;
+
 double normal_density(double x) {
   return std::exp(-0.5 * x * x) / std::sqrt(2.0 * std::numbers::pi);
 }
@@ -95,20 +102,24 @@ double cusum_threshold(double reference, double rate) {
   if (rate < kRarest) {
     return cusum_threshold(reference, kRarest) + std::log(kRarest / rate) / (2.0 * reference);
   }
+  // A single sample that often beyond κ: any h will do.
+  if (normal_distribution(-reference) <= rate) return kLeastThreshold;
   // Siegmund's approximation (Sequential Analysis, 1985) tells where to look; a secant does the
   // rest, for the logarithm of the run length is nearly a line.
   const auto siegmund = [&](double h) {
-    const double x = 2.0 * reference * (h + 1.166);
-    return (std::exp(x) - x - 1.0) / (2.0 * reference * reference);
+    const double x = 2.0 * reference * (h + kOvershoot);
+    if (x < 1e-4) return (h + kOvershoot) * (h + kOvershoot);
+    return (std::expm1(x) - x) / (2.0 * reference * reference);
   };
   const double about = threshold_at([&](double h) { return 1.0 / siegmund(h); }, rate, 0.0, 1.0);
+  if (about > kLongThreshold) return about;
   const double wanted = -std::log(rate);
-  double a = std::max(about, 1e-3), b = 1.05 * a + 0.01;
+  double a = std::max(about, kLeastThreshold), b = 1.05 * a + 0.01;
   double f_a = std::log(cusum_run_length(reference, a)) - wanted;
   for (int step = 0; step < 12; ++step) {
     const double f_b = std::log(cusum_run_length(reference, b)) - wanted;
     if (std::abs(f_b) < 1e-6 || f_b == f_a) break;
-    const double next = std::max(b - f_b * (b - a) / (f_b - f_a), 1e-3);
+    const double next = std::max(b - f_b * (b - a) / (f_b - f_a), kLeastThreshold);
     a = b;
     f_a = f_b;
     b = next;

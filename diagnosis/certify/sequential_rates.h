@@ -12,7 +12,8 @@ namespace faultline {
 /// by Gauss-Legendre quadrature (Vance, J. Qual. Technol. 18 (1986) 189-193). κ > 0, h > 0.
 [[nodiscard]] double cusum_run_length(double reference, double threshold, double mean = 0.0);
 
-/// The h at which it exceeds `rate` times per sample without a fault; rate < 0.1.
+/// The h at which it exceeds `rate` times per sample without a fault; rate < 0.1. Beyond 80 by
+/// Siegmund's approximation (Sequential Analysis, 1985).
 [[nodiscard]] double cusum_threshold(double reference, double rate);
 
 /// How often per sample a windowed GLR statistic max_{1<=j<=window} (s_k-j+1 + .. + s_k)² / (2 j)

@@ -16,6 +16,8 @@ namespace {
 constexpr double kProvisionalThreshold = 1.0;
 // More alarms than one in so many samples are no false alarms any more.
 constexpr double kMostAlarms = 1e-3;
+// One in 100,000 years.
+constexpr double kFewestAlarmsPerHour = 1e-9;
 
 void read_structure(TomlTable& root, BankRequest& request) {
   if (!root.has("structure")) {
@@ -115,6 +117,12 @@ void read_threshold_basis(TomlTable& decision, BankRequest& request) {
   }
   if (decision.has("false_alarms_per_h")) {
     request.false_alarms_per_h = read_positive(decision, "false_alarms_per_h");
+    if (request.false_alarms_per_h < kFewestAlarmsPerHour) {
+      throw decision.error("false_alarms_per_h",
+                           fmt::format("found {}, expected at least {:g}: no noise is known so far "
+                                       "out; without the key thresholds are for bounds",
+                                       request.false_alarms_per_h, kFewestAlarmsPerHour));
+    }
     if (const double samples = 3600.0 / request.sample_time_s;
         request.false_alarms_per_h > kMostAlarms * samples) {
       throw decision.error(

@@ -35,6 +35,10 @@ constexpr double kRoundingError = 1e-13;
 constexpr double kUsualEvidence = 20.0;
 // A small fault: half a standard deviation of the white residual.
 constexpr double kUsualShift = 0.5;
+// Below it takes minutes to tell a fault from noise; above a single sample does, and the test is
+// tuned to that.
+constexpr double kSmallestShift = 0.02;
+constexpr double kLargestShift = 20.0;
 // A GLR test looks at every sample of its window in each step.
 constexpr double kLongestOwnWindow = 2000.0;
 // ---------------------------------------------------------------------------------- one residual
@@ -306,7 +310,15 @@ class BankDesign {
                       filter.name));
     }
     const double shift =
-        request_.tuned_for ? *request_.tuned_for * smallest : std::min(kUsualShift, smallest);
+        request_.tuned_for ? std::min(*request_.tuned_for * smallest, kLargestShift) : kUsualShift;
+    if (shift < kSmallestShift) {
+      throw request_error(
+          request_, "decision",
+          fmt::format(
+              "tuned_for: found {:g}, a shift of {} by {:.3g} standard deviations, expected "
+              "at least {:.3g}",
+              request_.tuned_for.value_or(0.0), filter.name, shift, kSmallestShift / smallest));
+    }
     SequentialTest test{request_.test, 0.5 * shift, 0,
                         std::vector<double>(static_cast<std::size_t>(filter.H.rows()))};
     if (request_.test == TestKind::kGlr) {

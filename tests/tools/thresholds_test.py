@@ -52,7 +52,8 @@ class Thresholds(FolderTest):
 
     def test_rounding_counts_for_observers_too(self):
         shutil.copy(f"{ROOT}/examples/ma2024/plant.toml", self.folder.file("plant.toml"))
-        text = open(f"{ROOT}/examples/ma2024/bank.toml", encoding="utf-8").read()
+        with open(f"{ROOT}/examples/ma2024/bank.toml", encoding="utf-8") as file:
+            text = file.read()
         self.folder.write("bank.toml", text.replace("[decision]\n", "[decision]\nresolution = { y1 = 0.01, y2 = 0.01 }\n"))
         self.run_ok("design", "bank.toml", "-o", "o.bank.json")
         self.assertIn("every claim holds", self.run_ok("check", "o.bank.json", "--plant", "plant.toml").out)

@@ -32,6 +32,18 @@ double smallest_isolated(const Bank& bank, std::size_t fault) {
   return smallest;
 }
 
+bool has_own_signature(const Bank& bank, std::size_t fault) {
+  for (std::size_t other = 0; other < bank.fault_names.size(); ++other) {
+    const auto looks_like = [&](const ResidualFilter& filter) {
+      return filter.sees[other] == filter.sees[fault];
+    };
+    if (other != fault && std::all_of(bank.filters.begin(), bank.filters.end(), looks_like)) {
+      return false;
+    }
+  }
+  return true;
+}
+
 RunHistory::RunHistory(const Bank& bank, const std::vector<std::vector<std::size_t>>& fault_sets,
                        const Scenario& scenario, const FaultSchedule& schedule)
     : bank_(&bank),

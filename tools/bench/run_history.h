@@ -39,6 +39,9 @@ struct InjectionOutcome {
 /// does not say.
 [[nodiscard]] double smallest_isolated(const Bank& bank, std::size_t fault);
 
+/// No other single fault is seen by the same residuals in the same way: only then can it be named.
+[[nodiscard]] bool has_own_signature(const Bank& bank, std::size_t fault);
+
 /// Follows a run's records and keeps what the summary tells: changes of the verdict, first
 /// crossings, expectations, delays.
 class RunHistory {

@@ -139,7 +139,7 @@ std::string column_names() {
 std::string smallest_faults(const Bank& bank) {
   Json smallest = Json::object();
   for (std::size_t fault = 0; fault < bank.fault_names.size(); ++fault) {
-    const double size = smallest_isolated(bank, fault);
+    const double size = has_own_signature(bank, fault) ? smallest_isolated(bank, fault) : 0.0;
     if (size > 0.0) smallest[bank.fault_names[fault]] = size;
   }
   return smallest.dump();

@@ -76,22 +76,21 @@ class SampleReader {
     if (!is_good || sample.cycle != next_cycle_) end_stretch();
     next_cycle_ = sample.cycle + 1;
     if (!is_good) return;
-    const Eigen::Map<const Eigen::VectorXd> y(sample.y.data(), plant_.q());
-    const Eigen::Map<const Eigen::VectorXd> u(sample.u.data(), plant_.m());
-    y_.push_back(y - plant_.y_operating);
-    u_.push_back(u - plant_.u_operating);
+    for (Eigen::Index i = 0; i < plant_.q(); ++i) {
+      y_.push_back(sample.y[static_cast<std::size_t>(i)] - plant_.y_operating[i]);
+    }
+    for (Eigen::Index i = 0; i < plant_.m(); ++i) {
+      u_.push_back(sample.u[static_cast<std::size_t>(i)] - plant_.u_operating[i]);
+    }
+    ++samples_;
   }
 
   void end_stretch() {
-    if (!y_.empty()) {
-      RecordedStretch stretch{Eigen::MatrixXd(plant_.q(), std::ssize(y_)),
-                              Eigen::MatrixXd(plant_.m(), std::ssize(u_))};
-      for (std::size_t k = 0; k < y_.size(); ++k) {
-        stretch.y.col(static_cast<Eigen::Index>(k)) = y_[k];
-        stretch.u.col(static_cast<Eigen::Index>(k)) = u_[k];
-      }
-      recorded_.stretches.push_back(std::move(stretch));
+    if (samples_ > 0) {
+      recorded_.stretches.push_back({Eigen::MatrixXd::Map(y_.data(), plant_.q(), samples_),
+                                     Eigen::MatrixXd::Map(u_.data(), plant_.m(), samples_)});
     }
+    samples_ = 0;
     y_.clear();
     u_.clear();
   }
@@ -100,7 +99,8 @@ class SampleReader {
   const PlantModel& plant_;
   RecordedSamples& recorded_;
   RunParts parts_;
-  std::vector<Eigen::VectorXd> y_, u_;
+  std::vector<double> y_, u_;  // of the stretch, sample by sample
+  Eigen::Index samples_ = 0;
   std::int64_t next_cycle_ = -1;
 };
 

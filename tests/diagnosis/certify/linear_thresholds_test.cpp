@@ -2,6 +2,7 @@
 #include <ostream>
 #include <random>
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,6 +12,7 @@
 #include "diagnosis/certify/check.h"
 #include "diagnosis/design/design_bank.h"
 #include "diagnosis/model/plant_file.h"
+#include "diagnosis/runtime/residual_bank.h"
 #include "tests/diagnosis/hou_plant.h"
 #include "tests/diagnosis/threshold_trial.h"
 #include "tests/support/random_seed.h"
@@ -225,6 +227,37 @@ TEST(CertifiedThreshold, SurvivesTheFileAndItsCheck) {
   }
 }
 
+// What a bank file may hold, whoever wrote it.
+TEST(CertifiedThreshold, ChecksWhateverABankClaims) {
+  const PlantModel plant = parse_plant(plant_text(), "plant.toml");
+  for (const std::string test : {"cusum", "glr", "comparison"}) {
+    const Bank bank =
+        certified(plant, request_text("sampled", kCertified +
+                                                     "false_alarms_per_h = 0.1\nresolution = {y1 = "
+                                                     "0.01}\njitter_s = 1e-5\ntest = \"" +
+                                                     test + "\"\n"));
+    EXPECT_TRUE(check_bank(plant, bank).holds());
+    for (const double number : {1e-300, 1e-9, 1e-3, 100.0, 1e9, 1e300}) {
+      for (int what = 0; what < 7; ++what) {
+        SCOPED_TRACE(testing::Message() << test << ' ' << what << ' ' << number);
+        Bank hostile = bank;
+        ResidualFilter& filter = hostile.filters[0];
+        if (what == 0) filter.threshold = number;
+        if (what == 1) hostile.thresholds.false_alarms_per_h = number;
+        if (what == 2) hostile.thresholds.output_resolution[0] = number;
+        if (what == 3) hostile.thresholds.jitter_s = number;
+        if (what == 4) filter.M *= number;
+        if (what == 5 && filter.test) filter.test->reference = number;
+        if (what == 6 && filter.test) filter.test->offset[0] = number;
+        const bool is_true = check_bank(plant, hostile).holds();
+        EXPECT_TRUE(what >= 5 || !is_true);
+        ResidualBank filters(hostile);
+        filters.step(std::vector<double>{1.0, 2.0, 3.0}, std::vector<double>(4));
+      }
+    }
+  }
+}
+
 TEST(CertifiedThreshold, SaysWhatIsMissing) {
   const PlantModel plant = parse_plant(plant_text(), "plant.toml");
   EXPECT_THAT(refusal(parse_plant(plant_text("", false), "p"), request_text("sampled", kCertified)),
@@ -253,6 +286,17 @@ TEST(CertifiedThreshold, SaysWhatIsMissing) {
               HasSubstr("false_alarms_per_h beside it"));
   EXPECT_THAT(refusal(plant, request_text("sampled", kCertified + "tuned_for = 0.1\n")),
               HasSubstr("only with test"));
+  EXPECT_THAT(refusal(plant, request_text("sampled", kCertified + "false_alarms_per_h = 1e-300\n")),
+              HasSubstr("expected at least 1e-09"));
+  const std::string cusum = kCertified + "false_alarms_per_h = 0.1\ntest = \"cusum\"\n";
+  EXPECT_THAT(refusal(plant, request_text("sampled", cusum + "tuned_for = 1e-6\n")),
+              HasSubstr("standard deviations, expected at least"));
+  // A single sample tells so much: the reference stays where it can be told.
+  const Bank large = certified(plant, request_text("sampled", cusum + "tuned_for = 1e9\n"));
+  for (const ResidualFilter& filter : large.filters) {
+    EXPECT_EQ(filter.test->reference, 10.0);
+    EXPECT_GT(filter.threshold, 0.0);
+  }
   std::string quiet = plant_text();
   while (quiet.find("sigma") != std::string::npos) {
     quiet.erase(quiet.find("sigma"), quiet.find('\n', quiet.find("sigma")) - quiet.find("sigma"));
