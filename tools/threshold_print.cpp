@@ -1,16 +1,14 @@
 #include "tools/threshold_print.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
-#include <vector>
 
 #include <fmt/format.h>
 
 namespace faultline {
 namespace {
 
-// The row of the largest share, and of how many.
+// Of a residual of several rows: "r12[2]".
 std::string row_name(const ResidualFilter& filter, std::size_t row) {
   return filter.H.rows() == 1 ? filter.name : fmt::format("{}[{}]", filter.name, row + 1);
 }

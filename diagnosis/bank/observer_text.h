@@ -7,7 +7,8 @@
 
 namespace faultline {
 
-// What a filter has beyond a linear one, as text. Private to diagnosis/bank.
+// What a filter has beyond a plain linear one, as text: an observer's, and the course of certified
+// thresholds of any filter. Private to diagnosis/bank.
 
 /// True if it has anything of that: only then is there an "observer" in its text, so that the text
 /// of other filters is what it was before there were observers.

@@ -73,12 +73,10 @@ class OrthantProbability {
         }
         const double tail = upper_tail((bound_[i] - given) / L_(i, i));
         probability *= tail;
-        {
-          const double at =
-              (static_cast<double>(point) + 0.5) * kGenerators[static_cast<std::size_t>(i)];
-          const double w = std::abs(2.0 * (at - std::floor(at)) - 1.0);
-          y[static_cast<std::size_t>(i)] = upper_quantile(tail * std::max(w, 1e-12));
-        }
+        const auto dimension = static_cast<std::size_t>(i);
+        const double at = (static_cast<double>(point) + 0.5) * kGenerators[dimension];
+        const double w = std::abs(2.0 * (at - std::floor(at)) - 1.0);
+        y[dimension] = upper_quantile(tail * std::max(w, 1e-12));
       }
       sum += probability;
     }

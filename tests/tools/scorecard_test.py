@@ -33,6 +33,9 @@ class Scorecard(FolderTest):
         self.assertGreater(value("jin_ordinary", "FAR"), 0.5)
         self.assertLess(value("jin_eigenstructure", "FAR"), 0.01)
         self.assertLess(value("hou_geometric", "FAR"), 0.01)
+        # Faults that look alike have no size from which the design would promise to tell them apart.
+        self.assertTrue(all(fault["predicted"] for fault in cards["hou_geometric"]["faults"]))
+        self.assertFalse(any(fault["predicted"] for fault in cards["hou_ordinary"]["faults"]))
 
 
 if __name__ == "__main__":

@@ -38,20 +38,24 @@ struct TailFit {
 /// eleven parts, so that something that happened in few of them does not count. A NaN is left out.
 [[nodiscard]] std::size_t decorrelation(std::span<const double> series);
 
+/// A tail of fewer clusters is none.
+inline constexpr std::size_t kFewestClusters = 50;
+
 /// Maximum likelihood of σ and ξ (-0.5 <= ξ <= 0.5) above the level that leaves `clusters` of them,
 /// or as many as a fortieth of the independent samples if that is fewer.
 /// @return nothing if fewer than `kFewestClusters` are left
-inline constexpr std::size_t kFewestClusters = 50;
 [[nodiscard]] std::optional<TailFit> fit_tail(std::span<const double> series, std::size_t gap,
                                               std::size_t clusters = 200);
+
+/// Clusters per sample.
+struct RateInterval {
+  double low = 0.0, high = 0.0;
+};
 
 /// A 95 % confidence interval of the clusters per sample whose peak is above `threshold`: by the
 /// profile likelihood of that rate, the number of clusters (Poisson) and their peaks together; and
 /// as no level is known to be high enough for the tail to be what it is in the limit, the smallest
 /// interval that holds those of 400, 200 and 100 clusters.
-struct RateInterval {
-  double low = 0.0, high = 0.0;
-};
 /// @pre fit_tail(series, gap) is there
 [[nodiscard]] RateInterval rate_interval(std::span<const double> series, std::size_t gap,
                                          double threshold);

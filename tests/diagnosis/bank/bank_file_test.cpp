@@ -190,7 +190,8 @@ TEST(BankFile, RefusesThresholdsThatCannotBe) {
     std::string changed = test;
     return beside(changed.replace(changed.find(from), from.size(), to));
   };
-  EXPECT_THAT(other("cusum", "sum"), HasSubstr("filters[0].test.kind: found string \"sum\", expected"));
+  EXPECT_THAT(other("cusum", "sum"),
+              HasSubstr("filters[0].test.kind: found string \"sum\", expected"));
   EXPECT_THAT(other("0.25", "0"),
               HasSubstr("filters[0].test.reference: found number 0, expected a positive"));
   EXPECT_THAT(other("0.25", "-1"), HasSubstr("filters[0].test.reference: found number -1"));

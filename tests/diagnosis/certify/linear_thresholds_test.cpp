@@ -11,6 +11,7 @@
 #include "diagnosis/certify/certify.h"
 #include "diagnosis/certify/check.h"
 #include "diagnosis/design/design_bank.h"
+#include "diagnosis/model/discretize.h"
 #include "diagnosis/model/plant_file.h"
 #include "diagnosis/runtime/residual_bank.h"
 #include "tests/diagnosis/hou_plant.h"
@@ -117,17 +118,68 @@ INSTANTIATE_TEST_SUITE_P(
                     TrialCase{"continuous", "continuous", kCertified, "", "", 0.0}),
     [](const auto& param) { return param.param.name; });
 
-TEST(CertifiedThreshold, OfALateCommandIsWhatItDoes) {
-  // One row of the residual, a command that falls by twice its range, late by the most: the share
-  // of one input is the sum of what it leaves, sample by sample.
-  const PlantModel plant = parse_plant(plant_text(), "plant.toml");
-  const Bank bank = certified(plant, request_text("sampled", kCertified + "jitter_s = 0.002\n"));
-  const Bank without = certified(plant, request_text("sampled", kCertified));
+// Each source by experiment, on a stable plant in the continuous domain, where inputs leak: one
+// sample at its bound, and the sum of what the running bank makes of it.
+TEST(CertifiedThreshold, HasTheSharesThatExperimentsGive) {
+  std::string text = plant_text(kDisturbance);
+  const std::string A = "A = [[1, 1, 1], [0, -1, 2], [2, 0, -4]]";
+  ASSERT_NE(text.find(A), std::string::npos);
+  text.replace(text.find(A), A.size(), "A = [[-2, 1, 1], [0, -4, 2], [2, 0, -7]]");
+  const PlantModel plant = parse_plant(text, "plant.toml");
+  constexpr double kLate_s = 0.002;
+  const Bank bank = certified(
+      plant, request_text("continuous",
+                          kCertified + "jitter_s = 0.002\nresolution = {y1 = 0.01, y2 = 0.02}\n"));
+  const Eigen::MatrixXd A_d = discretize_zoh(plant.A, plant.B, 0.01).A;
+  const Eigen::MatrixXd B_d = discretize_zoh(plant.A, plant.B, 0.01).B;
+  const Eigen::MatrixXd E_d = discretize_zoh(plant.A, plant.disturbances[0].state, 0.01).B;
+  const Eigen::MatrixXd late = discretize_zoh(plant.A, plant.B, 0.01 - kLate_s).A *
+                               discretize_zoh(plant.A, plant.B, kLate_s).B;
+  // What the state, an error of y and an input of one sample do to every residual, summed up.
+  const auto sums = [&](Eigen::VectorXd x, const Eigen::VectorXd& y_error, Eigen::VectorXd u) {
+    ResidualBank filters(bank);
+    std::vector<double> sum(bank.filters.size());
+    for (int k = 0; k < 3000; ++k) {
+      const Eigen::VectorXd y = plant.C * x + (k == 0 ? y_error : Eigen::VectorXd::Zero(3));
+      filters.step({y.data(), 3}, {u.data(), 4});
+      for (std::size_t f = 0; f < sum.size(); ++f) sum[f] += std::abs(filters.residual()[f]);
+      x = A_d * x + B_d * u;
+      u.setZero();
+    }
+    return sum;
+  };
+  const Eigen::VectorXd x_0 = Eigen::VectorXd::Zero(3), u_0 = Eigen::VectorXd::Zero(4);
+  std::vector<std::vector<double>> noise, resolution, disturbance, leakage, jitter;
+  for (const Noise& one : plant.noises) noise.push_back(sums(x_0, one.output * *one.bound, u_0));
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    const double half = 0.5 * bank.thresholds.output_resolution[i];
+    resolution.push_back(sums(x_0, half * Eigen::VectorXd::Unit(3, i), u_0));
+  }
+  disturbance.push_back(sums(0.5 * E_d, x_0, u_0));
+  for (Eigen::Index i = 0; i < 4; ++i) {
+    const double range = plant.input_range[i];
+    leakage.push_back(sums(x_0, x_0, range * Eigen::VectorXd::Unit(4, i)));
+    jitter.push_back(sums(2.0 * range * late.col(i), x_0, u_0));
+  }
   for (std::size_t f = 0; f < bank.filters.size(); ++f) {
-    const double more = bank.filters[f].course->component.bottomRows(1)(0, 0) -
-                        without.filters[f].course->component.bottomRows(1)(0, 0);
-    EXPECT_NEAR(more, bank.filters[f].shares->jitter[0], 1e-6 * more) << bank.filters[f].name;
-    EXPECT_GT(more, 0.0);
+    SCOPED_TRACE(bank.filters[f].name);
+    const auto total = [f](const std::vector<std::vector<double>>& of) {
+      double sum = 0.0;
+      for (const std::vector<double>& one : of) sum += one[f];
+      return sum;
+    };
+    const ThresholdShares& shares = *bank.filters[f].shares;
+    EXPECT_NEAR(shares.noise[0], total(noise), 1e-6 * total(noise));
+    EXPECT_NEAR(shares.resolution[0], total(resolution), 1e-6 * total(resolution));
+    EXPECT_NEAR(shares.disturbance[0], total(disturbance), 1e-6 * total(disturbance));
+    EXPECT_NEAR(shares.leakage[0], total(leakage), 1e-6 * total(leakage));
+    EXPECT_GT(shares.leakage[0], 1e-6);
+    // Any lateness up to the largest is in it: a little more than that of the largest alone.
+    EXPECT_GE(shares.jitter[0], total(jitter));
+    EXPECT_LE(shares.jitter[0], 1.03 * total(jitter));
+    const double sum = shares.noise[0] + shares.resolution[0] + shares.disturbance[0] +
+                       shares.leakage[0] + shares.jitter[0];
+    EXPECT_NEAR(bank.filters[f].course->component.bottomRows(1)(0, 0), sum, 1e-6 * sum);
   }
 }
 
