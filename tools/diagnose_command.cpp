@@ -255,7 +255,8 @@ Json listen_to_bus(const DiagnoseArguments& arguments, DiagnosisInputs inputs, R
   return {{"received", counters.received},   {"dropped", counters.dropped},
           {"malformed", counters.malformed}, {"error_frames", counters.error_frames},
           {"bus_offs", counters.bus_offs},   {"restarts", counters.restarts},
-          {"outages", counters.outages},     {"silences", silence.silences()}};
+          {"outages", counters.outages},     {"backlog_drops", session.backlog_drops()},
+          {"silences", silence.silences()}};
 }
 
 std::optional<DiagnosisInputs> given_inputs(const DiagnoseArguments& arguments) {

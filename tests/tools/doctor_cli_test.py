@@ -11,8 +11,9 @@ import unittest
 from faultline_program import PATIENCE_S, finish, program
 
 TWO_COMMANDS = ["ip link set lo up multicast on", "ip route add 224.0.0.0/4 dev lo"]
-CHECKS = ["CAN in the kernel", "CAN interfaces", "multicast", "LCM round trip", "lcm-logger", "receive buffers", "CPUs",
-          "real-time priority", "locked memory", "idle CPUs", "real-time share", "CPU frequency", "clock", "1 ms timer"]
+CHECKS = ["CAN in the kernel", "CAN interfaces", "multicast", "LCM round trip", "lcm-logger", "receive buffers",
+          "input backlog", "CPUs", "real-time priority", "locked memory", "idle CPUs", "real-time share", "CPU frequency",
+          "clock", "1 ms timer"]
 
 
 def in_namespace(set_up, *arguments):

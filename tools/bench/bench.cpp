@@ -78,6 +78,7 @@ BenchRun::BenchRun(const BenchInputs& inputs_, const BenchOptions& options_)
     injection_.emplace(*options.lcm_url, schedule, inputs.bank.sample_time_s);
   }
   if (options.handles_signals) stop_signal.emplace();
+  if (!buses.loop) backlog_.emplace();
   publisher.publish_parts(start_utime_);
   publisher.publish_event(
       -1, "info", "bench",
@@ -230,6 +231,11 @@ BenchResult BenchRun::finish(std::int64_t utime) {
   RunCounters final_counters = counters_now();
   final_counters.clamped_values = plant.clamped_values() + controller.clamped_values();
   final_counters.frame_faults = plant_faults.counters() + controller_faults.counters();
+  final_counters.backlog_drops = backlog_ ? backlog_->drops() : 0;
+  if (final_counters.backlog_drops > 0) {
+    publisher.publish_event(plant.truth().cycle, "warning", "bus",
+                            backlog_drops_text(final_counters.backlog_drops), utime);
+  }
   publisher.publish_stats(final_counters, latencies, plant.truth().cycle, utime, true);
   publisher.close();
   const std::chrono::duration<double> wall = steady_clock::now() - start_;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "drivers/can/error_frame.h"
+#include "drivers/can/input_backlog.h"
 #include "sim/controller_node.h"
 #include "sim/frame_faults.h"
 #include "sim/plant_node.h"
@@ -103,6 +104,7 @@ class BenchRun {
 
   std::optional<LiveInjection> injection_;  ///< where there is live LCM
   std::vector<WatchedBus> watched_;
+  std::optional<InputBacklogWatch> backlog_;  ///< where the bus is the kernel's
   std::chrono::steady_clock::time_point start_, next_flush_, next_progress_, next_repeat_;
   std::int64_t start_utime_;
   std::uint32_t cycle_count_;

@@ -30,6 +30,8 @@ struct RunCounters {
   std::uint64_t send_errors = 0;
   std::uint64_t frames_received = 0;  ///< by the diagnosis node
   std::uint64_t frames_dropped = 0;
+  std::uint64_t backlog_drops =
+      0;  ///< packets lost before any socket of this machine; not in STATS
   std::uint64_t frames_unlogged = 0;  ///< received, but missing in the log: its queue was full
   std::uint64_t samples = 0;
   std::uint64_t bad_samples = 0;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "drivers/can/input_backlog.h"
 #include "tools/bench/latency_table.h"
 #include "tools/bench/verdict_report.h"
 
@@ -186,6 +187,9 @@ void print_summary(std::FILE* out, const BenchInputs& inputs, const BenchOptions
     fmt::print(out, "  WARNING  {} values did not fit their signals and were sent clamped\n",
                counters.clamped_values);
   }
+  if (counters.backlog_drops > 0) {
+    fmt::print(out, "  WARNING  {}\n", backlog_drops_text(counters.backlog_drops));
+  }
   if (counters.records_dropped > 0) {
     fmt::print(out, "  WARNING  {} samples are missing in log and summary: the queue was full\n",
                counters.records_dropped);
@@ -234,11 +238,10 @@ nlohmann::ordered_json summary_json(const BenchInputs& inputs, const BenchOption
     json["residuals"][inputs.bank.filters[i].name] = {
         {"first_fired_s", seconds_or_null(history.first_fired_s()[i])}};
   }
-  json["frames"] = {{"sent", counters.frames_sent},
-                    {"received", counters.frames_received},
-                    {"dropped", counters.frames_dropped},
-                    {"unlogged", counters.frames_unlogged},
-                    {"send_errors", counters.send_errors}};
+  json["frames"] = {
+      {"sent", counters.frames_sent},         {"received", counters.frames_received},
+      {"dropped", counters.frames_dropped},   {"backlog_drops", counters.backlog_drops},
+      {"unlogged", counters.frames_unlogged}, {"send_errors", counters.send_errors}};
   json["frame_faults"] = {{"dropped", counters.frame_faults.dropped},
                           {"changed", counters.frame_faults.changed},
                           {"late", counters.frame_faults.late},

@@ -92,6 +92,9 @@ std::chrono::duration<double> BusSession::listen(
     }
   }
   on_pause();
+  if (const std::uint64_t drops = backlog_drops(); drops > 0) {
+    fmt::print(stderr, "faultline: {}\n", backlog_drops_text(drops));
+  }
   return Clock::now() - begin;
 }
 

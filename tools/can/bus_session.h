@@ -12,6 +12,7 @@
 
 #include "drivers/can/can_bus.h"
 #include "drivers/can/can_frame.h"
+#include "drivers/can/input_backlog.h"
 
 namespace faultline {
 
@@ -30,8 +31,8 @@ struct SessionLimits {
 /// bus-offs, restarts and outages where there were any.
 [[nodiscard]] std::string counters_text(const BusCounters& counters);
 
-/// Listens to one or more buses until a limit or a signal. Outages and bus errors are told on
-/// stderr; at the end so is what was lost.
+/// Listens to one or more buses until a limit or a signal. Outages, and at the end what the kernel
+/// lost before the sockets, are told on stderr.
 class BusSession {
  public:
   /// @param names each as open_bus takes it. @throws as open_bus.
@@ -47,6 +48,8 @@ class BusSession {
                                        const std::function<void()>& on_pause);
 
   [[nodiscard]] BusCounters counters() const noexcept { return bus_->counters(); }
+  /// Packets lost before the sockets since this session began (input_backlog.h).
+  [[nodiscard]] std::uint64_t backlog_drops() const { return backlog_.drops(); }
   /// Short name of the bus that a frame came from, as candump would write it: "vcan0", "udp1".
   [[nodiscard]] std::string_view name_of(const CanFrame& frame) const noexcept;
   /// Full names: "can:vcan0".
@@ -59,6 +62,7 @@ class BusSession {
 
   std::vector<std::string> names_, short_names_;
   std::unique_ptr<CanBus> bus_;
+  InputBacklogWatch backlog_;
   bool is_down_ = false;
 };
 

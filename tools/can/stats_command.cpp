@@ -45,6 +45,7 @@ struct Traffic {
   std::vector<std::string> bus_names;
   double duration_s = 0.0;
   std::optional<BusCounters> counters;  ///< of the endpoint; a log has none
+  std::uint64_t backlog_drops = 0;      ///< packets lost before the endpoint
   std::uint64_t missing = 0;            ///< of which the log says so
 };
 
@@ -194,6 +195,7 @@ Json stats_json(const Traffic& traffic, const DbcDatabase& dbc, const StatsArgum
   if (traffic.counters) {
     json["received"] = traffic.counters->received;
     json["dropped"] = traffic.counters->dropped;
+    json["backlog_drops"] = traffic.backlog_drops;
     json["malformed"] = traffic.counters->malformed;
     json["bus_offs"] = traffic.counters->bus_offs;
     json["restarts"] = traffic.counters->restarts;
@@ -263,6 +265,7 @@ void listen(const StatsArguments& arguments, const FrameFilter& filter, Traffic&
   traffic.duration_s = session.listen(arguments.limits, on_frame, on_pause).count();
   if (is_terminal) fmt::print(stderr, "\r\x1b[K");
   traffic.counters = session.counters();
+  traffic.backlog_drops = session.backlog_drops();
 }
 
 int stats(const StatsArguments& arguments) {

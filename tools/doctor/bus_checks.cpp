@@ -29,6 +29,7 @@
 #include "drivers/can/bus_socket.h"
 #include "drivers/can/can_bus.h"
 #include "drivers/can/can_interface.h"
+#include "drivers/can/input_backlog.h"
 #include "drivers/can/socketcan_bus.h"
 #include "tools/doctor/checks.h"
 #include "tools/lcm/lcm_source.h"
@@ -222,6 +223,29 @@ Finding check_receive_buffer() {
   finding.status = FindingStatus::kWarn;
   finding.found += fmt::format(", {} B are asked for: bursts may be dropped (and counted)", wanted);
   finding.remedies.push_back(fmt::format("sudo sysctl -w net.core.rmem_max={}", wanted));
+  return finding;
+}
+
+Finding check_input_backlog() {
+  Finding finding{.check = "input backlog"};
+  const std::optional<std::uint64_t> drops = input_backlog_drops();
+  if (!drops) {
+    finding.found = "this kernel or container does not tell its drops";
+    return finding;
+  }
+  const std::string most = first_line("/proc/sys/net/core/netdev_max_backlog");
+  if (!most.empty())
+    finding.found = fmt::format("net.core.netdev_max_backlog is {} packets, ", most);
+  if (*drops == 0) {
+    finding.found += "none dropped";
+    return finding;
+  }
+  finding.status = FindingStatus::kWarn;
+  finding.found += fmt::format(
+      "{} dropped since the machine started: floods of vcan or lo may lose frames before any "
+      "socket",
+      *drops);
+  finding.remedies.emplace_back(kBacklogRemedy);
   return finding;
 }
 

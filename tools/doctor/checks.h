@@ -13,6 +13,7 @@ namespace faultline {
 [[nodiscard]] Finding check_lcm();
 [[nodiscard]] Finding check_lcm_logger();
 [[nodiscard]] Finding check_receive_buffer();
+[[nodiscard]] Finding check_input_backlog();
 
 // Scheduling, memory and clocks (realtime_checks.cpp).
 [[nodiscard]] Finding check_cpus();

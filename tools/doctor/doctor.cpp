@@ -10,10 +10,10 @@ namespace {
 
 /// In the order in which they are shown.
 constexpr Finding (*kChecks[])() = {
-    check_can_in_kernel, check_can_interfaces, check_multicast,      check_lcm,
-    check_lcm_logger,    check_receive_buffer, check_cpus,           check_priority,
-    check_locked_memory, check_cpu_latency,    check_realtime_share, check_governor,
-    check_clock,         check_timer,
+    check_can_in_kernel, check_can_interfaces, check_multicast,     check_lcm,
+    check_lcm_logger,    check_receive_buffer, check_input_backlog, check_cpus,
+    check_priority,      check_locked_memory,  check_cpu_latency,   check_realtime_share,
+    check_governor,      check_clock,          check_timer,
 };
 
 }  // namespace
