@@ -1,8 +1,36 @@
 # The program as a user meets it.
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 
-foreach(test IN ITEMS can_cli dash design_cli doctor_cli eigenstructure_cli faultline_cli inject integrity_cli lcm_logger
-             linearise log_cli nodes playback rates replay_cli report_cli scenario_input score scorecard suite_cli thresholds watch)
+foreach(test IN ITEMS
+    bad_input
+    can_cli
+    check_cli
+    dash
+    design_cli
+    doctor_cli
+    eigenstructure_cli
+    faultline_cli
+    hostile_input
+    info_cli
+    inject
+    integrity_cli
+    lcm_logger
+    linearise
+    log_cli
+    nodes
+    playback
+    rates
+    replay_cli
+    report_cli
+    run_cli
+    run_failures
+    run_interruption
+    scenario_input
+    score
+    scorecard
+    suite_cli
+    thresholds
+    watch)
   add_test(NAME ${test} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/${test}_test.py)
   set_tests_properties(${test} PROPERTIES
     TIMEOUT 240 # the playbacks take 75 s on a quiet machine: most of it is waiting

@@ -92,6 +92,11 @@ def finish(process, patience_s=PATIENCE_S):
     return Answer(process.returncode, *((text or b"").decode(errors="replace") for text in (out, err)))
 
 
+def without_comments(text):
+    """A TOML file's text without the lines that are comments."""
+    return "\n".join(line for line in text.splitlines() if not line.lstrip().startswith("#")) + "\n"
+
+
 def wait_for(condition, patience_s=PATIENCE_S, period_s=0.01):
     deadline = time.monotonic() + patience_s
     while not (result := condition()):
