@@ -4,18 +4,16 @@ import os
 import random
 import unittest
 
-from faultline_program import FolderTest, without_comments
+from faultline_program import OLD_LOG, FolderTest, without_comments
 
 
 class BadInput(FolderTest):
     """Each file wrong in each way: exit 2, FILE:LINE:COLUMN, what was found and what was expected; no log touched."""
 
-    OLD_LOG = bytes.fromhex("EDA1DA01") + bytes(8) + bytes(8) + b"\0\0\0\x03\0\0\0\x03abcold"
-
     def setUp(self):
         super().setUp()
         self.folder.write("s.toml", without_comments(self.folder.read("demo.toml").decode()))
-        self.folder.write("old.lcm", self.OLD_LOG)
+        self.folder.write("old.lcm", OLD_LOG)
 
     def refuse(self, file, words, *changes, place=None):
         """A run with `changes` to `file` is refused at their mark with `words`. Undoes the changes."""
@@ -29,7 +27,7 @@ class BadInput(FolderTest):
             for word in words:
                 self.assertIn(word, answer.err)
             self.assertEqual(answer.out, "")
-            self.assertEqual(self.folder.read("old.lcm"), self.OLD_LOG)
+            self.assertEqual(self.folder.read("old.lcm"), OLD_LOG)
             answer = self.folder.run("run", "s.toml")
             self.assert_code(2, answer)
             self.assertEqual(self.folder.logs(), [self.folder.file("old.lcm")])

@@ -5,7 +5,7 @@ import shutil
 import subprocess
 import unittest
 
-from faultline_program import EXAMPLE, FolderTest, finish, program, read_log
+from faultline_program import EXAMPLE, OLD_LOG, FolderTest, finish, program, read_log
 
 
 class Failures(FolderTest):
@@ -62,12 +62,12 @@ class Failures(FolderTest):
         self.assertIn("Permission denied", answer.err)
 
     def test_a_bad_lcm_url_leaves_the_old_log_alone(self):
-        self.folder.write("own.lcm", BadInput.OLD_LOG)
+        self.folder.write("own.lcm", OLD_LOG)
         answer = self.folder.run("run", "demo.toml", "--lcm", "nonsense://x", "--log", "own.lcm")
         self.assert_code(2, answer)
         self.assertIn("nonsense://x", answer.err)
         self.assertIn("udpm://", answer.err)
-        self.assertEqual(self.folder.read("own.lcm"), BadInput.OLD_LOG)
+        self.assertEqual(self.folder.read("own.lcm"), OLD_LOG)
 
     def test_unwritable_data(self):
         for target in ("nosuch/run.json", "/dev/full"):
