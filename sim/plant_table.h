@@ -15,6 +15,8 @@
 extern "C" {
 #endif
 
+/* A C header, in C's manner. NOLINTBEGIN(modernize-use-using, readability-identifier-naming) */
+
 /* A state, input, output, parameter or disturbance. */
 typedef struct faultline_plant_signal {
   const char* name;
@@ -49,6 +51,8 @@ typedef struct faultline_plant_table {
 /* The entry point of a shared library. The table must live as long as the library is loaded. */
 #define FAULTLINE_PLANT_ENTRY "faultline_plant_v1"
 const faultline_plant_table* faultline_plant_v1(void);
+
+/* NOLINTEND(modernize-use-using, readability-identifier-naming) */
 
 #ifdef __cplusplus
 }

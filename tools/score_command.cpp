@@ -108,8 +108,9 @@ void print_card(std::FILE* out, const std::string& name, const Scorecard& card) 
 /// Files' names without folder and ending; where two are the same, as they were given.
 std::vector<std::string> names_of(const std::vector<std::string>& files) {
   std::vector<std::string> names;
-  for (const std::string& file : files)
+  for (const std::string& file : files) {
     names.push_back(std::filesystem::path(file).stem().string());
+  }
   for (std::size_t i = 0; i < names.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       if (names[i] == names[j]) return files;

@@ -222,9 +222,9 @@ class Proof {
   [[nodiscard]] ErrorBounds::Start onset(std::size_t fault, double sizes) const {
     const auto column = static_cast<Index>(fault);
     const std::optional<Index> state = carried_state(fault);
-    VectorXd error = state ? VectorXd(loop_.S.col(*state))
-                           : VectorXd(loop_.F_next.col(column) - rest_error(column));
-    return {std::move(error), VectorXd::Constant(1, sizes * plant_.faults[fault].size)};
+    const VectorXd error = state ? VectorXd(loop_.S.col(*state))
+                                 : VectorXd(loop_.F_next.col(column) - rest_error(column));
+    return {error, VectorXd::Constant(1, sizes * plant_.faults[fault].size)};
   }
 
   // The state that is the size of this fault, if it is carried.

@@ -199,7 +199,8 @@ double exceedance_rate(const std::vector<MatrixXd>& R, const VectorXd& level, st
   };
   const auto common = static_cast<std::size_t>(
       std::count_if(all.begin(), all.end(), [&](const Pattern& one) { return !is_rare(one); }));
-  const std::size_t points = std::max(kFewestPoints, kLatticePoints / common);
+  const std::size_t points =
+      std::max(kFewestPoints, kLatticePoints / std::max<std::size_t>(common, 1));
   double rate = 0.0;
   for (const Pattern& pattern : all) {
     rate += is_rare(pattern) ? pattern.most

@@ -446,7 +446,9 @@ std::vector<std::vector<std::string>> TomlTable::string_lists(std::string_view k
   return lists;
 }
 
-void TomlTable::adopt(TomlTable other) { adopt_into(document_->root, other.document_->root); }
+void TomlTable::adopt(const TomlTable& other) {
+  adopt_into(document_->root, other.document_->root);
+}
 
 std::string TomlTable::source_of(std::string_view key) const {
   const toml::node* const value = node_->table->get(key);

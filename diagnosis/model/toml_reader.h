@@ -84,7 +84,7 @@ class TomlTable {
   /// keys, and those of its tables; an inline table is one value. Lists of tables are joined, those
   /// of `other` first. What is taken over keeps its place, so that errors point to the other file.
   /// @pre neither has handed out a table
-  void adopt(TomlTable other);
+  void adopt(const TomlTable& other);
   /// Source of the file in which `key` stands; that of the table where it is absent.
   [[nodiscard]] std::string source_of(std::string_view key) const;
 

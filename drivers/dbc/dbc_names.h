@@ -13,7 +13,7 @@ namespace faultline {
 /// because in a vehicle's file such lists are many and most hold one short name. Names hold no NUL.
 class DbcNames {
  public:
-  class const_iterator {
+  class const_iterator {  // NOLINT(readability-identifier-naming): as the standard library names it
    public:
     using iterator_category = std::input_iterator_tag;
     using value_type = std::string_view;

@@ -363,7 +363,7 @@ bool parse_message(DbcParse& parse) {
 bool parse_late_signal(DbcParse& parse, DbcPosition position) {
   if (parse.last_message_failed) return false;  // its BO_ has been reported
   DbcStatementReader& reader = parse.reader;
-  if (parse.messages.size() == 0) {
+  if (parse.messages.empty()) {
     reader.begin_statement("the signal is skipped");
     return reader.fail({DbcTokenKind::kIdentifier, false, "SG_", position},
                        "a message (BO_) before its signals");

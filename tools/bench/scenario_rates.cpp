@@ -35,7 +35,9 @@ void set_rates(const Scenario& scenario, SignalMap& map) {
           cycles;
       continue;
     }
-    const auto is_it = [&](const MappedMessage& message) { return message.name == name; };
+    const auto is_it = [&wanted = name](const MappedMessage& message) {
+      return message.name == wanted;
+    };
     const char* why = "";
     if (map.sync && map.sync->name == name) {
       why = ", not SYNC: it begins each cycle";

@@ -167,7 +167,7 @@ std::string verdict_timeline(const std::vector<VerdictEntry>& verdicts, std::siz
   for (std::size_t shown = 0; shown < entries.size(); ++shown) {
     const std::size_t left_out = entries.size() - shown - 1;
     const std::string& entry = entries[left_out];
-    const std::string longer = text.empty() ? entry : entry + "  " + text;
+    const std::string longer = text.empty() ? entry : fmt::format("{}  {}", entry, text);
     const std::string head = left_out == 0 ? "" : fmt::format("({} more)  ", left_out);
     if (shown > 0 && head.size() + longer.size() > width) {
       return fmt::format("({} more)  {}", left_out + 1, text);

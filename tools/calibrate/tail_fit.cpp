@@ -170,8 +170,9 @@ double TailFit::rate(double threshold) const {
   return above * std::exp(log_survival(std::max(threshold - level, 0.0), scale, shape));
 }
 
-double TailFit::threshold(double wanted) const {
-  const double depth = std::max(std::log(static_cast<double>(clusters) / samples / wanted), 0.0);
+double TailFit::threshold(double wanted_rate) const {
+  const double depth =
+      std::max(std::log(static_cast<double>(clusters) / samples / wanted_rate), 0.0);
   return level +
          (std::abs(shape) < kNoShape ? scale * depth : scale / shape * std::expm1(shape * depth));
 }

@@ -24,8 +24,8 @@ struct TailFit {
 
   /// Expected clusters per sample whose peak is above `threshold` >= u.
   [[nodiscard]] double rate(double threshold) const;
-  /// The threshold that is exceeded `rate` times per sample; at least u.
-  [[nodiscard]] double threshold(double rate) const;
+  /// The threshold that is exceeded `wanted_rate` times per sample; at least u.
+  [[nodiscard]] double threshold(double wanted_rate) const;
 };
 
 /// The peaks of clusters above `level`: exceedances that are fewer than `gap` samples apart belong

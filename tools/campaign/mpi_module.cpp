@@ -40,6 +40,7 @@ void abort(int exit_code) { MPI_Abort(MPI_COMM_WORLD, exit_code); }
 }  // namespace
 }  // namespace faultline
 
+// NOLINTNEXTLINE(readability-identifier-naming): found by its name
 extern "C" const faultline::MpiModule faultline_mpi_module{
     faultline::kMpiModuleVersion, faultline::start,  faultline::send,  faultline::probe,
     faultline::receive,           faultline::finish, faultline::abort,

@@ -166,9 +166,10 @@ void add_frame(Row& row, const CanFrame& frame, std::int64_t number, std::int64_
   constexpr std::int64_t kPerMicrosecond = 1000;
   const std::int64_t stamp_ns = frame.stamp.time_since_epoch().count();
   const can_frame_t message = to_message(frame);
-  const auto whole_us = static_cast<double>(stamp_ns / kPerMicrosecond);
-  const auto rest_ns = static_cast<double>(stamp_ns % kPerMicrosecond);
-  row.add("t_s", ((whole_us - static_cast<double>(first_utime)) * 1e3 + rest_ns) / 1e9);
+  const std::int64_t whole_us = stamp_ns / kPerMicrosecond, rest_ns = stamp_ns % kPerMicrosecond;
+  // As doubles: the times of a damaged log may be any.
+  const double since_us = static_cast<double>(whole_us) - static_cast<double>(first_utime);
+  row.add("t_s", (since_us * 1e3 + static_cast<double>(rest_ns)) / 1e9);
   row.add("stamp_ns", stamp_ns);
   row.add("number", number);
   row.add("bus", whole(frame.bus));

@@ -37,11 +37,11 @@ struct ReportedRun {
 /// TDR, FAR, FIA, delays, confusion matrix.
 [[nodiscard]] std::string metrics_section(const std::vector<ReportedRun>& runs);
 /// A chart per residual, input, output and estimate; of two runs laid over each other.
-[[nodiscard]] std::string residual_section(const std::vector<ReportedRun>& runs, ChartData& charts);
+[[nodiscard]] std::string residual_section(const std::vector<ReportedRun>& runs, ChartData& data);
 /// The charts of some residuals of one run, in the order of `names`; none: of all.
 [[nodiscard]] std::string residual_charts(const ReportedRun& run,
-                                          const std::vector<std::string>& names, ChartData& charts);
-[[nodiscard]] std::string signal_section(const std::vector<ReportedRun>& runs, ChartData& charts);
+                                          const std::vector<std::string>& names, ChartData& data);
+[[nodiscard]] std::string signal_section(const std::vector<ReportedRun>& runs, ChartData& data);
 /// Structure matrix beside the observed signatures; certificates in words.
 [[nodiscard]] std::string bank_section(const std::vector<ReportedRun>& runs);
 /// Frames, messages, periods, latencies.

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include <boost/math/distributions/binomial.hpp>
+#include <boost/math/distributions/students_t.hpp>
 #include <boost/math/special_functions/beta.hpp>
 #include <boost/math/special_functions/gamma.hpp>
 
@@ -55,16 +56,41 @@ struct Logistic {
   }
 };
 
-}  // namespace
+/// The θ farthest from `area` towards `end` (0 or 1) of which `area` of m and n values is no
+/// surprise: (area - θ)² = 1.96² V(θ).
+double farthest_area(double area, double end, double m, double n) {
+  constexpr int kHalvings = 60;
+  const auto is_surprise = [&](double theta) {
+    const double others = 0.5 * (m + n) - 1.0;
+    const double variance =
+        theta * (1.0 - theta) *
+        (1.0 + others * ((1.0 - theta) / (2.0 - theta) + theta / (1.0 + theta))) / (m * n);
+    return (area - theta) * (area - theta) > kNormal * kNormal * variance;
+  };
+  double inside = area, outside = end;
+  for (int i = 0; i < kHalvings; ++i) {
+    const double middle = 0.5 * (inside + outside);
+    (is_surprise(middle) ? outside : inside) = middle;
+  }
+  return inside;
+}
 
-Estimate proportion(std::uint64_t k, std::uint64_t n) {
-  const auto successes = static_cast<double>(k), trials = static_cast<double>(n);
+/// Of so many successes in so many trials, which need not be whole numbers.
+Estimate clopper_pearson(double successes, double trials) {
   Estimate estimate{successes / trials, 0.0, 1.0};
-  if (k > 0) estimate.low = boost::math::ibeta_inv(successes, trials - successes + 1.0, kTail);
-  if (k < n) {
+  if (successes > 0.0) {
+    estimate.low = boost::math::ibeta_inv(successes, trials - successes + 1.0, kTail);
+  }
+  if (successes < trials) {
     estimate.high = boost::math::ibeta_inv(successes + 1.0, trials - successes, 1.0 - kTail);
   }
   return estimate;
+}
+
+}  // namespace
+
+Estimate proportion(std::uint64_t k, std::uint64_t n) {
+  return clopper_pearson(static_cast<double>(k), static_cast<double>(n));
 }
 
 Estimate event_rate(std::uint64_t count, double exposure) {
@@ -87,12 +113,16 @@ std::optional<Estimate> clustered_ratio(std::span<const double> part,
     squares += std::pow(part[i] - ratio * whole[i], 2);
   }
   if (runs < 2) return Estimate{ratio, 0.0, 1.0};
-  if (squares == 0.0 && (ratio == 0.0 || ratio == 1.0)) {
-    return proportion(ratio == 0.0 ? 0 : runs, runs);
-  }
   const auto n = static_cast<double>(runs);
-  const double half = kNormal * std::sqrt(n / (n - 1.0) * squares) / sum;
-  return Estimate{ratio, std::max(0.0, ratio - half), std::min(1.0, ratio + half)};
+  double trials = n;
+  if (squares > 0.0 && ratio > 0.0 && ratio < 1.0) {
+    const double t = boost::math::quantile(boost::math::students_t(n - 1.0), 1.0 - kTail);
+    const double variance = n / (n - 1.0) * squares / (sum * sum);
+    trials = std::min(sum, ratio * (1.0 - ratio) / variance * std::pow(kNormal / t, 2));
+  }
+  Estimate estimate = clopper_pearson(std::min(ratio * trials, trials), trials);
+  estimate.value = ratio;
+  return estimate;
 }
 
 std::optional<Estimate> quantile(std::span<const double> sorted, std::uint64_t censored, double q) {
@@ -112,7 +142,8 @@ std::optional<Estimate> quantile(std::span<const double> sorted, std::uint64_t c
   return Estimate{at(rank), low == 0 ? -kInfinity : at(low - 1), at(high)};
 }
 
-std::optional<Estimate> area_under_roc(std::vector<double> without, std::vector<double> with) {
+std::optional<Estimate> area_under_roc(std::vector<double> without,
+                                       const std::vector<double>& with) {
   if (without.empty() || with.empty()) return std::nullopt;
   std::sort(without.begin(), without.end());
   double sum = 0.0;
@@ -122,12 +153,7 @@ std::optional<Estimate> area_under_roc(std::vector<double> without, std::vector<
   }
   const auto m = static_cast<double>(without.size()), n = static_cast<double>(with.size());
   const double area = sum / (m * n);
-  const double q1 = area / (2.0 - area), q2 = 2.0 * area * area / (1.0 + area);
-  const double variance =
-      (area * (1.0 - area) + (n - 1.0) * (q1 - area * area) + (m - 1.0) * (q2 - area * area)) /
-      (m * n);
-  const double half = kNormal * std::sqrt(std::max(0.0, variance));
-  return Estimate{area, std::max(0.0, area - half), std::min(1.0, area + half)};
+  return Estimate{area, farthest_area(area, 0.0, m, n), farthest_area(area, 1.0, m, n)};
 }
 
 DetectableSize detectable_size(std::vector<Trial> trials, double share) {

@@ -22,10 +22,14 @@ struct Estimate {
 /// @pre exposure > 0
 [[nodiscard]] Estimate event_rate(std::uint64_t count, double exposure);
 
-/// Σ part / Σ whole over runs: cycles of one run are not independent, runs are. The interval is
-/// that of a ratio estimator, r ± 1.96 √(n / (n-1) Σ (part_i - r whole_i)²) / Σ whole, within 0
-/// .. 1. Where all runs agree (r = 0 or 1) it is bounded as a probability of n runs is. Absent
-/// where the whole is zero.
+/// r = Σ part / Σ whole over runs: cycles of one run are not independent, runs are. The interval is
+/// Clopper's and Pearson's of as many independent trials as would have the variance of r,
+///
+///   v = n / (n-1) Σ (part_i - r whole_i)² / (Σ whole)²,  n* = r (1-r) / v (1.96 / t_n-1)²
+///
+/// at most Σ whole (Korn, Graubard, Survey Methodology 24 (1998) 193-201): unlike r ± 1.96 √v it
+/// serves rates near 0 and 1, too. Where all runs agree, n* = n. Absent where the whole is zero.
+/// @pre 0 <= part_i <= whole_i
 [[nodiscard]] std::optional<Estimate> clustered_ratio(std::span<const double> part,
                                                       std::span<const double> whole);
 
@@ -37,9 +41,15 @@ struct Estimate {
                                                std::uint64_t censored, double q);
 
 /// The area under the ROC curve: probability that a value with a fault is larger than one without
-/// (ties count half). Interval of Hanley and McNeil (1982). Absent where either is empty.
+/// (ties count half). The interval holds every θ whose estimate could well be this one:
+///
+///   |θ^ - θ| <= 1.96 √V(θ),
+///   V(θ) = θ(1-θ) (1 + (N-1) ((1-θ)/(2-θ) + θ/(1+θ))) / (m n),  N = (m+n)/2
+///
+/// (Newcombe, Statist. Med. 25 (2006) 559-573, method 5: Hanley's and McNeil's variance at θ, so
+/// that areas near 1 of few values are not taken for certain). Absent where either is empty.
 [[nodiscard]] std::optional<Estimate> area_under_roc(std::vector<double> without,
-                                                     std::vector<double> with);
+                                                     const std::vector<double>& with);
 
 /// One fault and whether it was found.
 struct Trial {

@@ -59,7 +59,7 @@ struct Scale {
 
 class Chart {
  public:
-  Chart(std::string title, Scale x, std::string x_title, std::string y_title)
+  Chart(std::string title, Scale x, const std::string& x_title, const std::string& y_title)
       : title_(std::move(title)), x_(x) {
     for (const double y : {0.0, 0.25, 0.5, 0.75, 1.0}) {
       body_ += fmt::format(

@@ -1,8 +1,8 @@
 /* Lets User Mode Linux run on processors whose extended state is larger than it knows.
  *
- * UML (6.1) sets its processes' vector registers with a buffer of 2696 bytes, all of AVX-512 and the
- * protection keys. A host whose processor has more (AMX: 11,008 bytes) refuses a buffer that is not
- * whole with EFAULT, and UML panics: "ptrace set fp regs failed, errno = 14". Preloaded into
+ * UML (6.1) sets its processes' vector registers with a buffer of 2696 bytes, all of AVX-512 and
+ * the protection keys. A host whose processor has more (AMX: 11,008 bytes) refuses a buffer that is
+ * not whole with EFAULT, and UML panics: "ptrace set fp regs failed, errno = 14". Preloaded into
  * linux.uml, this hands over a whole one, with the features that UML knows nothing of in their
  * initial state. On other hosts it changes nothing. UML reads with a short buffer, too, which hosts
  * allow.
@@ -16,6 +16,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+
 #include <sys/ptrace.h>
 #include <sys/types.h>
 #include <sys/uio.h>
@@ -41,8 +42,9 @@ static uint64_t features_within(size_t length) {
   return features;
 }
 
-/* The given state in a whole area. The rest of it is in its initial state, for UML never asks for what it does not
- * know: one call, as on other hosts, for UML makes it at every switch to a process. */
+/* The given state in a whole area. The rest of it is in its initial state, for UML never asks for
+ * what it does not know: one call, as on other hosts, for UML makes it at every switch to a
+ * process. */
 static long set_whole_xstate(ptrace_function next, pid_t pid, const struct iovec* given) {
   static unsigned char whole[LARGEST_XSTATE]; /* UML's kernel is one thread */
   static size_t length;                       /* of the host's area; 0: not known yet */

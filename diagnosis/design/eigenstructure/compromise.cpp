@@ -254,7 +254,7 @@ UnknownInputSpread unknown_input_spread(const CompromiseTask& task) {
   const Eigen::JacobiSVD<MatrixXd> svd(reached, Eigen::ComputeFullU);
   const Index q = task.M.rows();
   UnknownInputSpread spread{VectorXd::Zero(q), svd.matrixU().rowwise().reverse()};
-  const VectorXd values = svd.singularValues();
+  const VectorXd& values = svd.singularValues();
   spread.singular_values.tail(values.size()) = values.reverse();
   return spread;
 }

@@ -16,8 +16,8 @@ namespace faultline {
 /// m'/fault_size, so that each moves the residual by about one. Then τ = w_size² Σ μ'. Entries of w
 /// that do not enter at a place have no column there.
 struct ErrorData {
-  ErrorData(const ObserverModel& model, const DecouplingMatrices& decoupling,
-            const ObserverOutput& output);
+  ErrorData(const ObserverModel& observer_model, const DecouplingMatrices& matrices,
+            const ObserverOutput& observer_output);
 
   const ObserverModel& model;
   const DecouplingMatrices& decoupling;

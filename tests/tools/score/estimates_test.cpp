@@ -52,10 +52,41 @@ TEST(ClusteredRatio, HoldsTheTruthThoughCyclesOfARunAreAlike) {
   EXPECT_LE(held, 1930);
 }
 
+// Of 100 runs 3 have false alarms, for half of the run: 1.96 standard deviations to both sides of
+// such a ratio hold the truth in 86 % of the cases.
+TEST(ClusteredRatio, HoldsTheTruthThoughItIsRare) {
+  std::mt19937_64 draw(9);
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  int held = 0;
+  for (int repetition = 0; repetition < 2000; ++repetition) {
+    std::vector<double> part(100), whole(100);
+    for (std::size_t run = 0; run < whole.size(); ++run) {
+      whole[run] = 50.0 + 100.0 * unit(draw);
+      const double share = unit(draw);
+      part[run] = unit(draw) < 0.03 ? share * whole[run] : 0.0;
+    }
+    const auto ratio = clustered_ratio(part, whole);
+    ASSERT_TRUE(ratio);
+    held += ratio->low <= 0.015 && 0.015 <= ratio->high ? 1 : 0;
+  }
+  EXPECT_GE(held, 1810);
+}
+
+TEST(ClusteredRatio, IsThatOfTrialsWhereARunIsAllOrNothing) {
+  std::vector<double> part(200, 0.0);
+  const std::vector<double> whole(200, 7.0);
+  for (std::size_t run = 0; run < 60; ++run) part[run] = 7.0;
+  const Estimate trials = proportion(60, 200);
+  expect_near(*clustered_ratio(part, whole), trials.value, trials.low, trials.high, 1e-3);
+}
+
 TEST(ClusteredRatio, OfRunsThatAllAgreeIsNotCertain) {
   const std::vector<double> none(20, 0.0), whole(20, 100.0);
   expect_near(*clustered_ratio(none, whole), 0.0, 0.0, 0.1684, 5e-5);
   expect_near(*clustered_ratio(whole, whole), 1.0, 0.8316, 1.0, 5e-5);
+  const std::vector<double> half(20, 50.0);
+  const Estimate trials = proportion(10, 20);
+  expect_near(*clustered_ratio(half, whole), 0.5, trials.low, trials.high, 1e-12);
   EXPECT_FALSE(clustered_ratio(none, none));
 }
 
@@ -94,7 +125,34 @@ TEST(AreaUnderRoc, CountsPairs) {
   for (std::size_t i = 0; i < ill.size(); ++i) ill[i] = 0.5374 + static_cast<double>(i) / 51.0;
   const auto area = area_under_roc(well, ill);
   EXPECT_NEAR(area->value, 0.893, 0.01);
-  EXPECT_NEAR((area->value - area->low) / 1.96, 0.032, 0.001);
+  EXPECT_NEAR((area->high - area->low) / (2.0 * 1.96), 0.032, 0.001);
+}
+
+TEST(AreaUnderRoc, OfFewValuesIsNotTakenForCertain) {
+  const auto area = area_under_roc({1, 2, 3}, {4, 5});
+  EXPECT_EQ(area->high, 1.0);
+  EXPECT_LT(area->low, 0.6);
+  EXPECT_GT(area->low, 0.2);
+  const auto none = area_under_roc({4, 5}, {1, 2, 3});
+  EXPECT_EQ(none->low, 0.0);
+  EXPECT_NEAR(none->high, 1.0 - area->low, 1e-12);
+}
+
+// Normal values 2.66 deviations apart: the area is Φ(2.66 / √2) = 0.97.
+TEST(AreaUnderRoc, HoldsTheTruthThoughItIsNearOne) {
+  std::mt19937_64 draw(11);
+  std::normal_distribution<double> normal;
+  const double truth = 0.5 * std::erfc(-2.66 / 2.0);
+  int held = 0;
+  constexpr int kRepetitions = 1000;
+  for (int repetition = 0; repetition < kRepetitions; ++repetition) {
+    std::vector<double> without(20), with(20);
+    for (double& value : without) value = normal(draw);
+    for (double& value : with) value = 2.66 + normal(draw);
+    const auto area = area_under_roc(without, with);
+    if (area->low <= truth && truth <= area->high) ++held;
+  }
+  EXPECT_GE(held, 930);
 }
 
 // 3000 faults, found with the probability that the curve says. True size at 95 %: e^(ln 19 / 4).
