@@ -21,8 +21,6 @@ using std::chrono::steady_clock;
 
 /// Runs in hand per thread: enough that none waits for the next while rows are written.
 constexpr std::size_t kStockPerThread = 32;
-/// A reply to a rank stays well below what MPI sends without being waited for.
-constexpr std::size_t kMostPerReply = 128;
 constexpr milliseconds kCommitPeriod{250};
 constexpr milliseconds kProgressPeriod{200};
 /// How long the main thread sleeps when there is nothing to do: alone, and with ranks that ask.
@@ -159,7 +157,7 @@ class Coordinator {
 
   void reply(int rank, std::size_t wanted) {
     const std::size_t share = std::max(wanted / kStockPerThread, std::size_t{1}) * fair_stock();
-    const auto runs = pending_.take(std::min({wanted, share, kMostPerReply}));
+    const auto runs = pending_.take(std::min(wanted, share));
     if (runs.empty() && wanted > 0) {
       link_->send(rank, kEnd);
     } else if (wanted == 0) {  // its last rows

@@ -12,8 +12,8 @@ inline constexpr int kMpiModuleVersion = 1;
 /// answer to an error is to end all ranks.
 struct MpiModule {
   int version;
-  int (*start)(int* rank, int* size);  ///< 0: MPI runs
-  void (*send)(int to, const char* data, std::size_t size);
+  int (*start)(int* rank, int* size);                        ///< 0: MPI runs
+  void (*send)(int to, const char* data, std::size_t size);  ///< copies; does not wait
   int (*probe)(int* from, std::size_t* size);  ///< 1: a message is here; does not wait
   void (*receive)(int from, char* data, std::size_t size);
   void (*finish)();

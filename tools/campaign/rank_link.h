@@ -28,6 +28,7 @@ class RankLink {
 
   [[nodiscard]] int rank() const noexcept { return rank_; }
   [[nodiscard]] int size() const noexcept { return size_; }
+  /// Does not wait; messages to the same rank arrive in order.
   void send(int to, const std::string& text);
   /// The next message that is here; does not wait.
   [[nodiscard]] std::optional<RankMessage> receive();

@@ -46,7 +46,7 @@ bool RunPool::is_idle() const {
 
 std::vector<CampaignRow> RunPool::take(std::chrono::milliseconds wait) {
   std::unique_lock lock(mutex_);
-  has_rows_.wait_for(lock, wait, [this] { return !rows_.empty(); });
+  has_rows_.wait_for(lock, wait, [this] { return is_half_done(); });
   return std::exchange(rows_, {});
 }
 
@@ -63,7 +63,7 @@ void RunPool::work() {
     lock.lock();
     --running_;
     rows_.push_back(std::move(row));
-    has_rows_.notify_one();
+    if (is_half_done()) has_rows_.notify_one();
   }
 }
 

@@ -29,11 +29,16 @@ class RunPool {
   std::vector<std::uint64_t> forget();
   /// True if no run waits, is going on, or is done and not taken.
   [[nodiscard]] bool is_idle() const;
-  /// Rows since the last call; waits for one at most so long.
+  /// Rows since the last call; waits until half of the runs in hand are done, at most so long. Not
+  /// for every row: a caller that wakes so often takes the time of the threads.
   [[nodiscard]] std::vector<CampaignRow> take(std::chrono::milliseconds wait);
 
  private:
   void work();
+  /// As many rows as runs that wait, and at least one. Called with mutex_ held.
+  [[nodiscard]] bool is_half_done() const noexcept {
+    return !rows_.empty() && rows_.size() >= waiting_.size();
+  }
 
   const CampaignInputs* inputs_;
   mutable std::mutex mutex_;
